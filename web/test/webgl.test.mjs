@@ -1,7 +1,7 @@
 // Shaders in GLSL ES 3.00, as `texfold shaders --lang essl` writes them, draw golden files by WebGL 2.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
@@ -19,7 +19,9 @@ let server;
 before(async () => {
   if (browser) {
     server = await serve(root);
-    execFileSync("cargo", ["run", "--quiet", "--package", "texfold-cli", "--", "shaders", "--lang", "essl", "--out", folder], { cwd: root, stdio: ["ignore", "ignore", "inherit"] });
+    // Where the workspace was built, the program is there.
+    const built = join(root, "target/debug/texfold"), texfold = existsSync(built) ? [built] : ["cargo", "run", "--quiet", "--package", "texfold-cli", "--"];
+    execFileSync(texfold[0], [...texfold.slice(1), "shaders", "--lang", "essl", "--out", folder], { cwd: root, stdio: ["ignore", "ignore", "inherit"] });
   }
 });
 

@@ -39,7 +39,7 @@ pub(crate) fn test(arguments: &[String], full: bool) -> io::Result<bool> {
         .args(["--config", &runner, "test"])
         .args(arguments)
         .env("TEXFOLD_GPU", "require")
-        .env("TEXFOLD_VALGRIND", "require");
+        .env("TEXFOLD_TOOLS", "require");
     if full {
         // A run of half an hour tells all that is wrong.
         command.arg("--no-fail-fast").env("TEXFOLD_FULL", "1");

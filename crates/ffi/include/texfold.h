@@ -117,10 +117,12 @@ typedef struct TexfoldGpuInfo {
   uint32_t images;
   // Textures in blocks to upload and decode; 0 where texels are read from the planes.
   uint32_t blocks;
+  // Textures that the blocks are decoded to. Of codec "dct" they are the images; of others their texels are made of them by the shader.
+  uint32_t decoded;
   // Parameters of all images.
   const uint8_t *uniforms;
   // Bytes of the parameters.
-  size_t uniform_bytes;
+  size_t uniforms_size;
 } TexfoldGpuInfo;
 
 // A texture to upload. Pointers live as long as the object.
@@ -141,8 +143,7 @@ typedef struct TexfoldPlaneInfo {
 
 // What to bind to draw an image. Pointers live as long as the object.
 typedef struct TexfoldBindingInfo {
-  // Numbers of textures in the order of the shader's bindings: planes, and from the number of planes on what blocks are decoded to (number of
-  // planes + `image` of the blocks).
+  // Numbers of textures in the order of the shader's bindings: planes, and from the number of planes on those that blocks are decoded to.
   const uint32_t *textures;
   // How many there are.
   size_t count;
@@ -160,33 +161,44 @@ typedef struct TexfoldBlocksInfo {
   uint32_t width;
   // Rows.
   uint32_t height;
-  // Bits of a sample: up to 8 it is decoded to rgba8unorm, otherwise to rgba16uint.
-  uint32_t bits;
-  // Number of the image that it belongs to.
-  uint32_t image;
-  // First mip level of the image that it is.
+  // Number of the decoded texture that it belongs to.
+  uint32_t decoded;
+  // First mip level of the decoded texture that it gives.
   uint32_t level;
-  // Mip levels that are made of it.
+  // Mip levels that it gives.
   uint32_t levels;
-  // First row of the image that it holds, where an image is put together of several.
-  uint32_t row;
+  // Name of the shader that decodes it, as `texfold shaders dct` writes it: "dct-unorm8" or "dct-uint16".
+  const char *shader;
   // Storage buffer of group 0, binding 1.
   const uint32_t *words;
   // Number of words.
-  size_t word_count;
+  size_t words_count;
   // Storage buffer of group 0, binding 2.
   const uint8_t *streams;
   // Bytes of the streams, a multiple of 4.
-  size_t stream_bytes;
+  size_t streams_size;
 } TexfoldBlocksInfo;
+
+// A texture that blocks are decoded to.
+typedef struct TexfoldDecodedInfo {
+  // Columns of level 0.
+  uint32_t width;
+  // Rows of level 0.
+  uint32_t height;
+  // Mip levels.
+  uint32_t levels;
+  // Bits of a channel: 8 in format rgba8unorm, 16 in rgba16uint. Both have the values of texfold_decode_rgba8 and texfold_decode_rgba16 where
+  // the codec is "dct".
+  uint32_t bits;
+} TexfoldDecodedInfo;
 
 // A dispatch of a program.
 typedef struct TexfoldDispatch {
   // Name of the function. A static string.
   const char *entry;
-  // Bind group 0, binding 0 to TexfoldProgramInfo.pass_bytes from this byte of `passes` on.
+  // Bind group 0, binding 0 to TexfoldProgramInfo.pass_size from this byte of `passes` on.
   uint32_t pass_offset;
-  // Bind group 1, binding 0 to TexfoldProgramInfo.output_bytes from this byte of `outputs` on; of write_texels alone.
+  // Bind group 1, binding 0 to TexfoldProgramInfo.output_size from this byte of `outputs` on; of write_texels alone.
   uint32_t output_offset;
   // Mip level to bind in group 1, binding 1, counted from the first that is written; of write_texels alone.
   uint32_t level;
@@ -198,22 +210,22 @@ typedef struct TexfoldDispatch {
   bool writes;
 } TexfoldDispatch;
 
-// A program. Each dispatch reads what those before it wrote to scratch memory. Pointers live as long as the object.
+// A program. Each dispatch reads what those before it wrote to scratch memory; those of write_texels do not depend on one another. Pointers live as long as the object.
 typedef struct TexfoldProgramInfo {
   // Uniform buffer with the parameters of passes; offsets are multiples of 256.
   const uint8_t *passes;
   // Its bytes.
   size_t passes_size;
-  // Bytes of it that a dispatch binds.
-  size_t pass_bytes;
+  // Bytes of it that each dispatch binds.
+  size_t pass_size;
   // Uniform buffer with the parameters of write_texels; offsets are multiples of 256.
   const uint8_t *outputs;
   // Its bytes.
   size_t outputs_size;
   // Bytes of it that a dispatch binds.
-  size_t output_bytes;
+  size_t output_size;
   // Bytes of scratch memory: storage buffer of group 0, binding 3. At most 64 MiB, but for superblocks that need more alone.
-  uint64_t scratch_bytes;
+  uint64_t scratch_size;
   // Dispatches in their order.
   const struct TexfoldDispatch *dispatches;
   // How many there are.
@@ -339,9 +351,12 @@ enum TexfoldStatus texfold_gpu_binding(const struct TexfoldGpu *gpu, uint32_t im
 // Describes a texture in blocks.
 enum TexfoldStatus texfold_gpu_blocks(const struct TexfoldGpu *gpu, uint32_t blocks, struct TexfoldBlocksInfo *info);
 
-// Dispatches that decode a texture in blocks: all of its levels, or where `region` is not null that rectangle (levels counted from
-// that of the blocks, `image` 0), whose first texel goes to column `x` and row `y` of the target. The functions are in the shader
-// that `texfold shaders dct` writes: dct-unorm8 where the blocks have up to 8 bits, dct-uint16 otherwise.
+// Describes a texture that blocks are decoded to.
+enum TexfoldStatus texfold_gpu_decoded(const struct TexfoldGpu *gpu, uint32_t decoded, struct TexfoldDecodedInfo *info);
+
+// Dispatches that decode a texture in blocks: all of its levels, `x` and `y` being 0; or where `region` is not null that rectangle (levels
+// counted from that of the blocks, `image` 0), whose first texel goes to column `x` and row `y` of the target. The functions are in the
+// shader that TexfoldBlocksInfo names.
 enum TexfoldStatus texfold_program_new(const struct TexfoldGpu *gpu,
                                        uint32_t blocks,
                                        const struct TexfoldRegion *region,

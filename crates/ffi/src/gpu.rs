@@ -15,6 +15,7 @@ pub struct Gpu {
     uniforms: Vec<u8>,
     bindings: Vec<BindingKept>,
     blocks: Vec<Blocks>,
+    decoded: Vec<DecodedInfo>,
 }
 
 struct PlaneKept {
@@ -56,10 +57,12 @@ pub struct GpuInfo {
     pub images: u32,
     /// Textures in blocks to upload and decode; 0 where texels are read from the planes.
     pub blocks: u32,
+    /// Textures that the blocks are decoded to. Of codec "dct" they are the images; of others their texels are made of them by the shader.
+    pub decoded: u32,
     /// Parameters of all images.
     pub uniforms: *const u8,
     /// Bytes of the parameters.
-    pub uniform_bytes: usize,
+    pub uniforms_size: usize,
 }
 
 /// A texture to upload. Pointers live as long as the object.
@@ -80,12 +83,26 @@ pub struct PlaneInfo {
     pub size: usize,
 }
 
+/// A texture that blocks are decoded to.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct DecodedInfo {
+    /// Columns of level 0.
+    pub width: u32,
+    /// Rows of level 0.
+    pub height: u32,
+    /// Mip levels.
+    pub levels: u32,
+    /// Bits of a channel: 8 in format rgba8unorm, 16 in rgba16uint. Both have the values of texfold_decode_rgba8 and texfold_decode_rgba16 where
+    /// the codec is "dct".
+    pub bits: u32,
+}
+
 /// What to bind to draw an image. Pointers live as long as the object.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct BindingInfo {
-    /// Numbers of textures in the order of the shader's bindings: planes, and from the number of planes on what blocks are decoded to (number of
-    /// planes + `image` of the blocks).
+    /// Numbers of textures in the order of the shader's bindings: planes, and from the number of planes on those that blocks are decoded to.
     pub textures: *const u32,
     /// How many there are.
     pub count: usize,
@@ -105,24 +122,22 @@ pub struct BlocksInfo {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Bits of a sample: up to 8 it is decoded to rgba8unorm, otherwise to rgba16uint.
-    pub bits: u32,
-    /// Number of the image that it belongs to.
-    pub image: u32,
-    /// First mip level of the image that it is.
+    /// Number of the decoded texture that it belongs to.
+    pub decoded: u32,
+    /// First mip level of the decoded texture that it gives.
     pub level: u32,
-    /// Mip levels that are made of it.
+    /// Mip levels that it gives.
     pub levels: u32,
-    /// First row of the image that it holds, where an image is put together of several.
-    pub row: u32,
+    /// Name of the shader that decodes it, as `texfold shaders dct` writes it: "dct-unorm8" or "dct-uint16".
+    pub shader: *const c_char,
     /// Storage buffer of group 0, binding 1.
     pub words: *const u32,
     /// Number of words.
-    pub word_count: usize,
+    pub words_count: usize,
     /// Storage buffer of group 0, binding 2.
     pub streams: *const u8,
     /// Bytes of the streams, a multiple of 4.
-    pub stream_bytes: usize,
+    pub streams_size: usize,
 }
 
 /// A dispatch of a program.
@@ -131,9 +146,9 @@ pub struct BlocksInfo {
 pub struct Dispatch {
     /// Name of the function. A static string.
     pub entry: *const c_char,
-    /// Bind group 0, binding 0 to TexfoldProgramInfo.pass_bytes from this byte of `passes` on.
+    /// Bind group 0, binding 0 to TexfoldProgramInfo.pass_size from this byte of `passes` on.
     pub pass_offset: u32,
-    /// Bind group 1, binding 0 to TexfoldProgramInfo.output_bytes from this byte of `outputs` on; of write_texels alone.
+    /// Bind group 1, binding 0 to TexfoldProgramInfo.output_size from this byte of `outputs` on; of write_texels alone.
     pub output_offset: u32,
     /// Mip level to bind in group 1, binding 1, counted from the first that is written; of write_texels alone.
     pub level: u32,
@@ -145,7 +160,7 @@ pub struct Dispatch {
     pub writes: bool,
 }
 
-/// A program. Each dispatch reads what those before it wrote to scratch memory. Pointers live as long as the object.
+/// A program. Each dispatch reads what those before it wrote to scratch memory; those of write_texels do not depend on one another. Pointers live as long as the object.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct ProgramInfo {
@@ -153,16 +168,16 @@ pub struct ProgramInfo {
     pub passes: *const u8,
     /// Its bytes.
     pub passes_size: usize,
-    /// Bytes of it that a dispatch binds.
-    pub pass_bytes: usize,
+    /// Bytes of it that each dispatch binds.
+    pub pass_size: usize,
     /// Uniform buffer with the parameters of write_texels; offsets are multiples of 256.
     pub outputs: *const u8,
     /// Its bytes.
     pub outputs_size: usize,
     /// Bytes of it that a dispatch binds.
-    pub output_bytes: usize,
+    pub output_size: usize,
     /// Bytes of scratch memory: storage buffer of group 0, binding 3. At most 64 MiB, but for superblocks that need more alone.
-    pub scratch_bytes: u64,
+    pub scratch_size: u64,
     /// Dispatches in their order.
     pub dispatches: *const Dispatch,
     /// How many there are.
@@ -210,7 +225,14 @@ pub unsafe extern "C" fn texfold_gpu_new(texture: *const Texture, gpu: *mut *mut
             words: blocks.words,
             of: GpuDct { words: Vec::new(), streams: &[], ..blocks },
         };
+        let decoded = form.decoded_images().map(|image| DecodedInfo {
+            width: image.size.width,
+            height: image.size.height,
+            levels: image.levels,
+            bits: if image.depth > 8 { 16 } else { 8 },
+        });
         let made = Gpu {
+            decoded: decoded.collect(),
             module: kept(form.module),
             uniforms: form.uniforms,
             bindings: form.images.into_iter().map(binding).collect(),
@@ -243,8 +265,9 @@ pub unsafe extern "C" fn texfold_gpu_info(gpu: *const Gpu, info: *mut GpuInfo) -
             planes: gpu.planes.len() as u32,
             images: gpu.bindings.len() as u32,
             blocks: gpu.blocks.len() as u32,
+            decoded: gpu.decoded.len() as u32,
             uniforms: gpu.uniforms.as_ptr(),
-            uniform_bytes: gpu.uniforms.len(),
+            uniforms_size: gpu.uniforms.len(),
         };
         // SAFETY: as the crate says.
         unsafe { put(info, found, "info") }
@@ -305,24 +328,38 @@ pub unsafe extern "C" fn texfold_gpu_blocks(gpu: *const Gpu, blocks: u32, info: 
         let found = BlocksInfo {
             width: of.layout.size.width,
             height: of.layout.size.height,
-            bits: of.layout.depth.into(),
-            image: of.image as u32,
+            decoded: of.image as u32,
             level: of.level,
             levels: of.levels,
-            row: of.row,
+            shader: if of.layout.depth > 8 { c"dct-uint16" } else { c"dct-unorm8" }.as_ptr(),
             words: words.as_ptr(),
-            word_count: words.len(),
+            words_count: words.len(),
             streams: streams.as_ptr(),
-            stream_bytes: streams.len(),
+            streams_size: streams.len(),
         };
         // SAFETY: as the crate says.
         unsafe { put(info, found, "info") }
     })
 }
 
-/// Dispatches that decode a texture in blocks: all of its levels, or where `region` is not null that rectangle (levels counted from
-/// that of the blocks, `image` 0), whose first texel goes to column `x` and row `y` of the target. The functions are in the shader
-/// that `texfold shaders dct` writes: dct-unorm8 where the blocks have up to 8 bits, dct-uint16 otherwise.
+/// Describes a texture that blocks are decoded to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn texfold_gpu_decoded(
+    gpu: *const Gpu,
+    decoded: u32,
+    info: *mut DecodedInfo,
+) -> Status {
+    guarded(|| {
+        // SAFETY: as the crate says.
+        let found = *numbered(unsafe { &there(gpu, "gpu")?.decoded }, decoded, "decoded texture")?;
+        // SAFETY: as the crate says.
+        unsafe { put(info, found, "info") }
+    })
+}
+
+/// Dispatches that decode a texture in blocks: all of its levels, `x` and `y` being 0; or where `region` is not null that rectangle (levels
+/// counted from that of the blocks, `image` 0), whose first texel goes to column `x` and row `y` of the target. The functions are in the
+/// shader that TexfoldBlocksInfo names.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn texfold_program_new(
     gpu: *const Gpu,
@@ -338,6 +375,7 @@ pub unsafe extern "C" fn texfold_program_new(
         let Blocks { of, .. } = numbered(&gpu.blocks, blocks, "blocks")?;
         let channels = DctChannel::colours(&of.layout);
         let made = match region {
+            None if (x, y) != (0, 0) => return Err(Failure::argument("x and y are of a region; give 0")),
             None => DctProgram::levels(&of.layout, channels, of.levels)?,
             Some(&Region { image, level, x: left, y: top, width, height }) => {
                 let size = of.layout.size.at_level(level.min(31));
@@ -390,11 +428,11 @@ pub unsafe extern "C" fn texfold_program_info(program: *const Program, info: *mu
         let found = ProgramInfo {
             passes: of.passes.as_ptr(),
             passes_size: of.passes.len(),
-            pass_bytes: texfold_shaders::PASS_BYTES,
+            pass_size: texfold_shaders::PASS_BYTES,
             outputs: of.outputs.as_ptr(),
             outputs_size: of.outputs.len(),
-            output_bytes: texfold_shaders::OUTPUT_BYTES,
-            scratch_bytes: of.scratch,
+            output_size: texfold_shaders::OUTPUT_BYTES,
+            scratch_size: of.scratch,
             dispatches: dispatches.as_ptr(),
             dispatch_count: dispatches.len(),
         };

@@ -14,9 +14,9 @@ pub use encode::{
     texfold_cancel_free, texfold_cancel_new, texfold_encode, texfold_encode_options,
 };
 pub use gpu::{
-    BindingInfo, BlocksInfo, Dispatch, Gpu, GpuInfo, PlaneInfo, Program, ProgramInfo, texfold_gpu_binding,
-    texfold_gpu_blocks, texfold_gpu_free, texfold_gpu_info, texfold_gpu_new, texfold_gpu_plane,
-    texfold_program_free, texfold_program_info, texfold_program_new,
+    BindingInfo, BlocksInfo, DecodedInfo, Dispatch, Gpu, GpuInfo, PlaneInfo, Program, ProgramInfo,
+    texfold_gpu_binding, texfold_gpu_blocks, texfold_gpu_decoded, texfold_gpu_free, texfold_gpu_info,
+    texfold_gpu_new, texfold_gpu_plane, texfold_program_free, texfold_program_info, texfold_program_new,
 };
 pub use status::{Status, texfold_error};
 pub use texture::{

@@ -76,7 +76,7 @@ static void read_gpu(const TexfoldTexture *texture) {
     TexfoldGpuInfo info;
     EXPECT(texfold_gpu_new(texture, &gpu) == TEXFOLD_STATUS_OK);
     EXPECT(texfold_gpu_info(gpu, &info) == TEXFOLD_STATUS_OK);
-    uint64_t hash = hash_of(info.uniforms, info.uniform_bytes);
+    uint64_t hash = hash_of(info.uniforms, info.uniforms_size);
     for (uint32_t number = 0; number < info.planes; number++) {
         TexfoldPlaneInfo plane;
         EXPECT(texfold_gpu_plane(gpu, number, &plane) == TEXFOLD_STATUS_OK);
@@ -85,7 +85,7 @@ static void read_gpu(const TexfoldTexture *texture) {
     for (uint32_t number = 0; number < info.images; number++) {
         TexfoldBindingInfo binding;
         EXPECT(texfold_gpu_binding(gpu, number, &binding) == TEXFOLD_STATUS_OK);
-        EXPECT(binding.uniform_offset + binding.uniform_size <= info.uniform_bytes);
+        EXPECT(binding.uniform_offset + binding.uniform_size <= info.uniforms_size);
         hash ^= hash_of(binding.textures, 4 * binding.count);
     }
     for (uint32_t number = 0; number < info.blocks; number++) {
@@ -93,15 +93,15 @@ static void read_gpu(const TexfoldTexture *texture) {
         TexfoldProgram *program;
         TexfoldProgramInfo calls;
         EXPECT(texfold_gpu_blocks(gpu, number, &blocks) == TEXFOLD_STATUS_OK);
-        EXPECT(blocks.stream_bytes % 4 == 0);
-        hash ^= hash_of(blocks.words, 4 * blocks.word_count) ^ hash_of(blocks.streams, blocks.stream_bytes);
+        EXPECT(blocks.streams_size % 4 == 0);
+        hash ^= hash_of(blocks.words, 4 * blocks.words_count) ^ hash_of(blocks.streams, blocks.streams_size);
         EXPECT(texfold_program_new(gpu, number, NULL, 0, 0, &program) == TEXFOLD_STATUS_OK);
         EXPECT(texfold_program_info(program, &calls) == TEXFOLD_STATUS_OK);
         EXPECT(calls.dispatch_count > 2 && calls.dispatches[0].clears);
         EXPECT(calls.dispatches[calls.dispatch_count - 1].writes);
         for (size_t i = 0; i < calls.dispatch_count; i++) {
-            EXPECT(calls.dispatches[i].pass_offset + calls.pass_bytes <= calls.passes_size);
-            EXPECT(calls.dispatches[i].output_offset + calls.output_bytes <= calls.outputs_size);
+            EXPECT(calls.dispatches[i].pass_offset + calls.pass_size <= calls.passes_size);
+            EXPECT(calls.dispatches[i].output_offset + calls.output_size <= calls.outputs_size);
             hash ^= strlen(calls.dispatches[i].entry);
         }
         hash ^= hash_of(calls.passes, calls.passes_size) ^ hash_of(calls.outputs, calls.outputs_size);

@@ -18,11 +18,15 @@ fn library_dir() -> PathBuf {
 
 /// Builds a program; every warning fails.
 fn build(source: &str, dir: &TempDir) -> PathBuf {
+    build_by("cc", &["-std=c99", "-pedantic"], source, &[], dir)
+}
+
+fn build_by(compiler: &str, options: &[&str], source: &str, libraries: &[&str], dir: &TempDir) -> PathBuf {
     let program = dir.path().join("program");
-    let mut compiler = Command::new("cc");
-    compiler.args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-g", "-O1", "-o"]).arg(&program);
+    let mut compiler = Command::new(compiler);
+    compiler.args(options).args(["-Wall", "-Wextra", "-Werror", "-g", "-O1", "-o"]).arg(&program);
     compiler.arg(crate_dir().join(source)).arg("-I").arg(crate_dir().join("include"));
-    compiler.arg("-L").arg(library_dir()).arg("-ltexfold_c");
+    compiler.arg("-L").arg(library_dir()).arg("-ltexfold_c").args(libraries);
     let built = compiler.output().unwrap();
     assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
     program
@@ -31,6 +35,11 @@ fn build(source: &str, dir: &TempDir) -> PathBuf {
 /// Runs a program with the library.
 fn run(command: &mut Command) -> Output {
     command.env("LD_LIBRARY_PATH", library_dir()).env("DYLD_LIBRARY_PATH", library_dir()).output().unwrap()
+}
+
+/// Whether tools that programs are built and run with must be there, as in continuous integration.
+fn is_required() -> bool {
+    std::env::var("TEXFOLD_TOOLS").is_ok_and(|value| value == "require")
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -108,8 +117,7 @@ fn all_golden_files_decode_as_in_rust_and_misuse_is_refused() {
     let golden = golden();
     let wanted: Vec<String> = golden.iter().flat_map(|(file, image)| lines(file, image)).collect();
     let valgrind = Command::new("valgrind").arg("--version").output().is_ok();
-    let is_required = std::env::var("TEXFOLD_VALGRIND").is_ok_and(|value| value == "require");
-    assert!(valgrind || !is_required, "valgrind is required and not installed");
+    assert!(valgrind || !is_required(), "valgrind is required and not installed");
     let mut command = if valgrind {
         let mut command = Command::new("valgrind");
         command.args(["--quiet", "--error-exitcode=99", "--leak-check=full"]);
@@ -130,5 +138,36 @@ fn all_golden_files_decode_as_in_rust_and_misuse_is_refused() {
         ["limit: texels: ", "file: not a .txf file", "effort: effort 'quick'; give one of fast, normal, high"]
     {
         assert!(printed.lines().any(|line| line.starts_with(expected)), "no line {expected}: {printed}");
+    }
+}
+
+#[test]
+fn the_vulkan_example_decodes_as_the_cpu_does() {
+    let dir = TempDir::new().unwrap();
+    let has_headers = Path::new("/usr/include/vulkan/vulkan.h").exists();
+    let has_compiler = Command::new("c++").arg("--version").output().is_ok();
+    if !has_headers || !has_compiler {
+        assert!(!is_required(), "a C++ compiler and libvulkan-dev are required and not installed");
+        println!("no C++ compiler, or no headers of Vulkan: the example is not built");
+        return;
+    }
+    let program = build_by("c++", &["-std=c++17"], "examples/cpp/decode_vulkan.cpp", &["-lvulkan"], &dir);
+    let shaders = dir.path().join("shaders");
+    // Where the workspace was built, it is there.
+    let built = library_dir().join("../texfold");
+    let mut texfold = if built.exists() { Command::new(built) } else { Command::new(env!("CARGO")) };
+    if texfold.get_program() == env!("CARGO") {
+        texfold.args(["run", "--quiet", "--package", "texfold-cli", "--"]);
+    }
+    texfold.args(["shaders", "dct", "--lang", "spirv", "--out"]).arg(&shaders).current_dir(crate_dir());
+    let written = texfold.output().unwrap();
+    assert!(written.status.success(), "{}", text(&written.stderr));
+    for (file, image) in golden().iter().filter(|(_, image)| image.codec().name == "dct") {
+        let done = run(Command::new(&program).arg(file).arg(&shaders));
+        let printed = text(&done.stdout);
+        assert!(done.status.success(), "{}: {printed}{}", file.display(), text(&done.stderr));
+        let levels = image.as_encoded().gpu().decoded_images().next().unwrap().levels as usize;
+        let equal = printed.lines().filter(|line| line.starts_with("level ") && line.ends_with(" equal"));
+        assert_eq!(equal.count(), levels, "{}: {printed}", file.display());
     }
 }

@@ -13,7 +13,7 @@ use crate::error::region_error;
 #[pyclass(frozen, module = "texfold._texfold")]
 pub(crate) struct Blocks {
     layout: DctLayout,
-    place: (usize, u32, u32, u32),
+    place: (usize, u32, u32),
     words: Vec<u32>,
     streams: Vec<u8>,
 }
@@ -34,7 +34,7 @@ impl Blocks {
         let form = texture.as_encoded().gpu();
         let blocks = form.blocks.into_iter().map(|blocks| Blocks {
             streams: texfold_shaders::streams(&blocks),
-            place: (blocks.image, blocks.level, blocks.levels, blocks.row),
+            place: (blocks.image, blocks.level, blocks.levels),
             layout: blocks.layout,
             words: blocks.words,
         });
@@ -56,9 +56,9 @@ impl Blocks {
         self.layout.depth
     }
 
-    /// Image, first level, levels and first row.
+    /// Image, first level and levels.
     #[getter]
-    fn place(&self) -> (usize, u32, u32, u32) {
+    fn place(&self) -> (usize, u32, u32) {
         self.place
     }
 

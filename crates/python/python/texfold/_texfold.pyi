@@ -25,7 +25,7 @@ class Texture:
 class Blocks:
     shape: tuple[int, int]
     bits: int
-    place: tuple[int, int, int, int]
+    place: tuple[int, int, int]
     words: np.ndarray
     streams: bytes
     shader: str

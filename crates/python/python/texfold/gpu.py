@@ -47,7 +47,7 @@ class Program(NamedTuple):
 
 
 class Blocks:
-    """A texture in blocks of variable length: an image, some of its mip levels, or some of its rows."""
+    """A texture in blocks of variable length: an image, or some of its mip levels."""
 
     def __init__(self, blocks: _texfold.Blocks) -> None:
         self._blocks = blocks
@@ -57,7 +57,6 @@ class Blocks:
     image = property(lambda self: self._blocks.place[0], doc="Number of the image.")
     level = property(lambda self: self._blocks.place[1], doc="First mip level of the image that it is.")
     levels = property(lambda self: self._blocks.place[2], doc="Mip levels that are made of it.")
-    row = property(lambda self: self._blocks.place[3], doc="First row of the image, put together of several.")
     words = property(lambda self: self._blocks.words, doc="Storage buffer of group 0, binding 1.")
     streams = property(lambda self: self._blocks.streams, doc="Storage buffer of group 0, binding 2.")
     shader = property(lambda self: self._blocks.shader, doc="WGSL of the decoder.")
@@ -127,17 +126,14 @@ class Decoder:
         if not stages:
             raise ValueError(f"codec {texture.codec} has no blocks here; draw its planes with the shader of its name")
         first = stages[0]
-        is_stacked = any(stage.row for stage in stages)
         target = self._device.create_texture(
-            size=(first.shape[1], max(stage.row + stage.shape[0] for stage in stages), 1),
+            size=(first.shape[1], first.shape[0], 1),
             format=_format(first.bits),
             usage=TextureUsage.STORAGE_BINDING | TextureUsage.TEXTURE_BINDING | TextureUsage.COPY_SRC,
-            mip_level_count=1 if is_stacked else sum(stage.levels for stage in stages),
+            mip_level_count=sum(stage.levels for stage in stages),
         )
         for stage in stages:
-            whole = (0, 0, stage.shape[1], stage.shape[0])
-            program = stage.program(region=whole, place=(0, stage.row)) if is_stacked else stage.program()
-            self.run(stage, program, target)
+            self.run(stage, stage.program(), target)
         return target
 
     def run(self, stage: Blocks, program: Program, target: Any) -> None:

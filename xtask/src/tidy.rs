@@ -96,6 +96,7 @@ const ALLOWED: [Allowed; 24] = [
             "base64",
             "blake3",
             "clap",
+            "ctt-astcenc",
             "dds",
             "exr",
             "butteraugli",

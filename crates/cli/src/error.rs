@@ -112,7 +112,7 @@ pub(crate) enum CliError {
     Memory { path: PathBuf, needed_mib: u64, allowed_mib: u64 },
     #[error("{}: the {container} header is wrong; export the file again", path.display())]
     Container { path: PathBuf, container: &'static str, source: Box<dyn Error + Send + Sync> },
-    #[error("{}: holds {found}, and only a flat image of 8 or 16 bits, plain or in BC1 to BC5 or BC7, is read; convert it to PNG", path.display())]
+    #[error("{}: holds {found}, and only a flat image of 8 or 16 bits, plain or in BC1 to BC5, BC7 or ASTC, is read; convert it to PNG", path.display())]
     NotFlat { path: PathBuf, found: &'static str },
     #[error("{}: the file ends before its blocks do ({found} of {needed} bytes); export it again", path.display())]
     CutBlocks { path: PathBuf, found: usize, needed: u64 },

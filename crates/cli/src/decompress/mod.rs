@@ -1,5 +1,6 @@
 //! `decompress`: `.txf` files into images.
 
+mod astc;
 mod gpu;
 mod picture;
 mod texture;
@@ -67,7 +68,7 @@ pub(crate) fn run(args: &DecompressArgs) -> Result<usize, CliError> {
     }
     args.writing.check_options()?;
     if args.writing.texture().is_some() && args.continuous {
-        return Err(UsageError::Excluded { option: "continuous", other: "--to bc1 to rgba8" }.into());
+        return Err(UsageError::Excluded { option: "continuous", other: "--to bc1 to rgba16" }.into());
     }
     let out = &args.writing.out;
     make_folder(out)?;

@@ -5,18 +5,21 @@ use std::path::Path;
 
 use dds::header::{Dx10Header, DxgiFormat, Header as DdsHeader};
 use ktx2::dfd::{Basic, Block};
-use ktx2::{Format as VkFormat, Header as Ktx2Header, Index, LevelIndex};
-use texfold::AnyImage;
+use ktx2::{Format as VkFormat, Header as Ktx2Header, Index, LevelIndex, SupercompressionScheme};
+use texfold::{AnyImage, BytesError};
 use texfold_bc::encode_plane;
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::{Effort, PlaneFormat, Rect};
 
+use super::astc::{self, AstcSide};
 use crate::console::warn;
 use crate::error::CliError;
 use crate::memory::{self, MemoryArgs};
 
 /// Bytes that a texel takes while it is encoded: as decoded, padded, and with all levels in its format and in the file.
 const BYTES_PER_TEXEL: u64 = 20;
+/// Effort of Zstandard.
+const ZSTD_LEVEL: i32 = 12;
 /// Name of the writer, as KTX2 files have it.
 const WRITER: &[u8] = concat!("KTXwriter\0Texfold ", env!("CARGO_PKG_VERSION"), "\0").as_bytes();
 
@@ -40,8 +43,34 @@ impl Container {
     }
 }
 
-/// The format of texels in the words of Vulkan and of DXGI; `None` for what no engine loads.
-fn names(texels: PlaneFormat, is_srgb: bool) -> Option<(VkFormat, DxgiFormat)> {
+/// How texels are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Texels {
+    /// Blocks or plain texels of 8 bits a channel.
+    Plane(PlaneFormat),
+    /// Plain texels of 16 bits a channel.
+    Rgba16,
+    /// Blocks of 16 bytes of so many texels a side.
+    Astc(AstcSide),
+}
+
+/// Formats of a texture.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Formats {
+    pub(crate) texels: Texels,
+    pub(crate) container: Container,
+    /// Whether levels are compressed with Zstandard.
+    pub(crate) zstd: bool,
+}
+
+/// The format of texels in the words of Vulkan and, where it has one, of DXGI; `None` for what no engine loads.
+fn names(texels: Texels, is_srgb: bool) -> Option<(VkFormat, Option<DxgiFormat>)> {
+    let texels = match texels {
+        Texels::Plane(format) => format,
+        // 16 bits have no sRGB form.
+        Texels::Rgba16 => return Some((VkFormat::R16G16B16A16_UNORM, Some(DxgiFormat::R16G16B16A16_UNORM))),
+        Texels::Astc(side) => return Some((side.format(is_srgb), None)),
+    };
     let [linear, srgb] = match texels {
         PlaneFormat::Bc1 => [
             (VkFormat::BC1_RGB_UNORM_BLOCK, DxgiFormat::BC1_UNORM),
@@ -64,14 +93,15 @@ fn names(texels: PlaneFormat, is_srgb: bool) -> Option<(VkFormat, DxgiFormat)> {
         ],
         _ => return None,
     };
-    Some(if is_srgb { srgb } else { linear })
+    let (vulkan, dxgi) = if is_srgb { srgb } else { linear };
+    Some((vulkan, Some(dxgi)))
 }
 
 /// Whether the channel beside the colours is left out.
-fn lacks_extra(texels: PlaneFormat, pixel: PixelInfo) -> bool {
+fn lacks_extra(texels: Texels, pixel: PixelInfo) -> bool {
     let is_held = match texels {
-        PlaneFormat::Bc1 | PlaneFormat::Bc4 => false,
-        PlaneFormat::Bc5 => pixel.channels == 2,
+        Texels::Plane(PlaneFormat::Bc1 | PlaneFormat::Bc4) => false,
+        Texels::Plane(PlaneFormat::Bc5) => pixel.channels == 2,
         _ => true,
     };
     pixel.has_extra() && !is_held
@@ -81,11 +111,11 @@ fn lacks_extra(texels: PlaneFormat, pixel: PixelInfo) -> bool {
 ///
 /// # Errors
 /// [`CliError::Channels`] where colours would be lost.
-fn check_loss(path: &Path, texels: PlaneFormat, pixel: PixelInfo) -> Result<(), CliError> {
+fn check_loss(path: &Path, texels: Texels, pixel: PixelInfo) -> Result<(), CliError> {
     let held = match texels {
-        PlaneFormat::Bc4 => 1,
+        Texels::Plane(PlaneFormat::Bc4) => 1,
         // Of unit normals z follows from x and y.
-        PlaneFormat::Bc5 if pixel.color != ColorSpace::Normal => 2,
+        Texels::Plane(PlaneFormat::Bc5) if pixel.color != ColorSpace::Normal => 2,
         _ => 3,
     };
     if pixel.color_channels() > held {
@@ -94,10 +124,10 @@ fn check_loss(path: &Path, texels: PlaneFormat, pixel: PixelInfo) -> Result<(), 
     let say = |what: &str| warn(&format!("{}: {what}", path.display()));
     if lacks_extra(texels, pixel) {
         let what = if pixel.alpha == Alpha::Band { "the band beside the colours" } else { "alpha" };
-        say(&format!("{what} is left out; bc3, bc7 and rgba8 hold it, and bc5 that of gray images"));
+        say(&format!("{what} is left out; bc3, bc7, astc and rgba8 hold it, and bc5 that of gray images"));
     }
-    if pixel.depth == Depth::Sixteen {
-        say("values are rounded to 8 bits");
+    if pixel.depth == Depth::Sixteen && texels != Texels::Rgba16 {
+        say("values are rounded to 8 bits; rgba16 holds them");
     }
     Ok(())
 }
@@ -107,7 +137,7 @@ pub(super) fn file(
     path: &Path,
     image: &AnyImage,
     rect: Rect,
-    (texels, container): (PlaneFormat, Container),
+    Formats { texels, container, zstd }: Formats,
     memory: &MemoryArgs,
 ) -> Result<Vec<u8>, CliError> {
     let layout = image.as_encoded().layout();
@@ -127,12 +157,16 @@ pub(super) fn file(
     let encode = |level: &Rect| encoded(path, image, *level, (texels, pixel));
     let data = levels.iter().map(encode).collect::<Result<Vec<_>, _>>()?;
     let is_cut = !rect.width.is_multiple_of(4) || !rect.height.is_multiple_of(4);
-    if container == Container::Dds && is_cut && texels != PlaneFormat::Rgba8Unorm {
+    let is_plain = matches!(texels, Texels::Rgba16 | Texels::Plane(PlaneFormat::Rgba8Unorm));
+    if container == Container::Dds && is_cut && !is_plain {
         warn(&format!("{}: sides are no multiples of 4, which Direct3D asks of blocks", path.display()));
     }
     let written = match container {
-        Container::Ktx2 => ktx2((rect.width, rect.height), vulkan, &data),
-        Container::Dds => dds((rect.width, rect.height), dxgi, &data),
+        Container::Ktx2 => ktx2((rect.width, rect.height), vulkan, &data, zstd),
+        Container::Dds => match dxgi {
+            Some(dxgi) => dds((rect.width, rect.height), dxgi, &data),
+            None => Err("DDS has no such blocks; give --container ktx2".to_owned()),
+        },
     };
     written.map_err(fault)
 }
@@ -142,26 +176,49 @@ fn encoded(
     path: &Path,
     image: &AnyImage,
     level: Rect,
-    (texels, pixel): (PlaneFormat, PixelInfo),
+    (texels, pixel): (Texels, PixelInfo),
 ) -> Result<Vec<u8>, CliError> {
     let (width, height) = (level.width as usize, level.height as usize);
-    let mut rgba = vec![[0; 4]; width * height];
-    let decoded = image.as_encoded().decode_rgba8(level, &mut rgba);
-    decoded.map_err(|source| CliError::Region { path: path.to_owned(), source })?;
-    if texels == PlaneFormat::Bc5 && pixel.channels == 2 {
-        rgba.iter_mut().for_each(|texel| texel[1] = texel[3]);
+    let failed = |source: BytesError| match source {
+        BytesError::Region(source) => CliError::Region { path: path.to_owned(), source },
+        other => CliError::Texture { path: path.to_owned(), what: other.to_string() },
+    };
+    if texels == Texels::Rgba16 {
+        let mut rgba = vec![0u16; 4 * width * height];
+        image.decode_rgba16(level, &mut rgba, 4 * width).map_err(failed)?;
+        return Ok(rgba.into_iter().flat_map(u16::to_le_bytes).collect());
+    }
+    let mut rgba = vec![0; 4 * width * height];
+    image.decode_rgba8(level, &mut rgba, 4 * width).map_err(failed)?;
+    let (pixels, _) = rgba.as_chunks_mut::<4>();
+    if texels == Texels::Plane(PlaneFormat::Bc5) && pixel.channels == 2 {
+        pixels.iter_mut().for_each(|texel| texel[1] = texel[3]);
     }
     if lacks_extra(texels, pixel) {
         // BC1 would make what is clear black.
-        rgba.iter_mut().for_each(|texel| texel[3] = u8::MAX);
+        pixels.iter_mut().for_each(|texel| texel[3] = u8::MAX);
     }
-    Ok(encode_plane(texels, level.width, level.height, rgba.as_flattened(), Effort::Normal))
+    match texels {
+        Texels::Astc(side) => {
+            let is_srgb = pixel.color == ColorSpace::Srgb;
+            let fault = |what| CliError::Texture { path: path.to_owned(), what };
+            astc::encode(side, (level.width, level.height), &mut rgba, is_srgb).map_err(fault)
+        }
+        Texels::Plane(format) => Ok(encode_plane(format, level.width, level.height, &rgba, Effort::Normal)),
+        Texels::Rgba16 => Ok(rgba),
+    }
 }
 
 /// A KTX2 file (KTX File Format Specification 2.0, section 3): levels lie from the smallest to the largest.
-fn ktx2((width, height): (u32, u32), format: VkFormat, levels: &[Vec<u8>]) -> Result<Vec<u8>, String> {
+fn ktx2(
+    (width, height): (u32, u32),
+    format: VkFormat,
+    levels: &[Vec<u8>],
+    zstd: bool,
+) -> Result<Vec<u8>, String> {
     let (basic, type_size) = Basic::from_format(format).map_err(|error| format!("{error:?}"))?;
-    let alignment = usize::from(basic.bytes_planes[0].max(1)).next_multiple_of(4);
+    // The least common multiple of a block's bytes and 4, which all formats here are powers of; none where levels are compressed.
+    let alignment = if zstd { 1 } else { usize::from(basic.bytes_planes[0].max(1)).next_multiple_of(4) };
     let block = Block::Basic(basic).to_vec();
     let descriptor = [&(block.len() as u32 + 4).to_le_bytes()[..], &block].concat();
     let mut values = [&(WRITER.len() as u32).to_le_bytes()[..], WRITER].concat();
@@ -176,7 +233,7 @@ fn ktx2((width, height): (u32, u32), format: VkFormat, levels: &[Vec<u8>]) -> Re
         layer_count: 0,
         face_count: 1,
         level_count: levels.len() as u32,
-        supercompression_scheme: None,
+        supercompression_scheme: zstd.then_some(SupercompressionScheme::Zstandard),
         index: Index {
             dfd_byte_offset: first as u32,
             dfd_byte_length: descriptor.len() as u32,
@@ -192,15 +249,17 @@ fn ktx2((width, height): (u32, u32), format: VkFormat, levels: &[Vec<u8>]) -> Re
     file.extend(values);
     for (number, level) in levels.iter().enumerate().rev() {
         file.resize(file.len().next_multiple_of(alignment), 0);
-        let bytes = level.len() as u64;
+        let packed = zstd.then(|| zstd::bulk::compress(level, ZSTD_LEVEL)).transpose();
+        let packed = packed.map_err(|error| error.to_string())?;
+        let stored = packed.as_ref().unwrap_or(level);
         let index = LevelIndex {
             byte_offset: file.len() as u64,
-            byte_length: bytes,
-            uncompressed_byte_length: bytes,
+            byte_length: stored.len() as u64,
+            uncompressed_byte_length: level.len() as u64,
         };
         let at = Ktx2Header::LENGTH + number * LevelIndex::LENGTH;
         file[at..at + LevelIndex::LENGTH].copy_from_slice(&index.as_bytes());
-        file.extend(level);
+        file.extend(stored);
     }
     Ok(file)
 }

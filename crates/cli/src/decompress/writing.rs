@@ -6,8 +6,9 @@ use texfold_core::image::PixelInfo;
 use texfold_core::metric::BAND_ROWS;
 use texfold_core::{ImageSize, PlaneFormat, Rect, RegionError};
 
+use super::astc::AstcSide;
 use super::picture::{Format, Picture};
-use super::texture::Container;
+use super::texture::{Container, Formats, Texels};
 use crate::error::{CliError, UsageError};
 use crate::input::samples::Bands;
 use crate::memory::{self, MemoryArgs};
@@ -47,8 +48,19 @@ pub(crate) enum To {
     Bc5,
     /// RGB and alpha at 8 bits a texel, closest to the decoded image.
     Bc7,
+    /// RGB and alpha at 8 bits a texel, for phones.
+    #[value(name = "astc4x4")]
+    Astc4x4,
+    /// The same at 3.6 bits.
+    #[value(name = "astc6x6")]
+    Astc6x6,
+    /// The same at 2 bits.
+    #[value(name = "astc8x8")]
+    Astc8x8,
     /// Plain texels.
     Rgba8,
+    /// Plain texels of 16 bits a channel.
+    Rgba16,
 }
 
 impl To {
@@ -63,16 +75,21 @@ impl To {
     }
 
     /// The format of texels of a texture.
-    fn texels(self) -> Option<PlaneFormat> {
-        match self {
-            To::Png | To::Tiff | To::Webp | To::Exr => None,
-            To::Bc1 => Some(PlaneFormat::Bc1),
-            To::Bc3 => Some(PlaneFormat::Bc3),
-            To::Bc4 => Some(PlaneFormat::Bc4),
-            To::Bc5 => Some(PlaneFormat::Bc5),
-            To::Bc7 => Some(PlaneFormat::Bc7),
-            To::Rgba8 => Some(PlaneFormat::Rgba8Unorm),
-        }
+    fn texels(self) -> Option<Texels> {
+        let plane = match self {
+            To::Png | To::Tiff | To::Webp | To::Exr => return None,
+            To::Astc4x4 => return Some(Texels::Astc(AstcSide::Four)),
+            To::Astc6x6 => return Some(Texels::Astc(AstcSide::Six)),
+            To::Astc8x8 => return Some(Texels::Astc(AstcSide::Eight)),
+            To::Rgba16 => return Some(Texels::Rgba16),
+            To::Bc1 => PlaneFormat::Bc1,
+            To::Bc3 => PlaneFormat::Bc3,
+            To::Bc4 => PlaneFormat::Bc4,
+            To::Bc5 => PlaneFormat::Bc5,
+            To::Bc7 => PlaneFormat::Bc7,
+            To::Rgba8 => PlaneFormat::Rgba8Unorm,
+        };
+        Some(Texels::Plane(plane))
     }
 }
 
@@ -88,6 +105,9 @@ pub(crate) struct Writing {
     /// File format of textures; ktx2 by default.
     #[arg(long, value_enum)]
     container: Option<Container>,
+    /// Compress the levels of KTX2 files with Zstandard.
+    #[arg(long)]
+    zstd: bool,
     /// Overwrite files that are there.
     #[arg(long)]
     force: bool,
@@ -153,20 +173,28 @@ impl Writing {
     pub(crate) fn ending(&self) -> String {
         let region = self.region.map(|[x, y, width, height]| format!("-{x}-{y}-{width}x{height}"));
         let picture = || self.to.picture().extension();
-        let extension = self.texture().map_or_else(picture, |(_, container)| container.extension());
+        let extension = self.texture().map_or_else(picture, |formats| formats.container.extension());
         format!("{}.{extension}", region.unwrap_or_default())
     }
 
     /// Formats of texels and of the file, where a texture is wanted.
-    pub(crate) fn texture(&self) -> Option<(PlaneFormat, Container)> {
-        self.to.texels().map(|texels| (texels, self.container.unwrap_or_default()))
+    pub(crate) fn texture(&self) -> Option<Formats> {
+        let formats =
+            |texels| Formats { texels, container: self.container.unwrap_or_default(), zstd: self.zstd };
+        self.to.texels().map(formats)
     }
 
     /// Refuses options that what is written does not have.
     pub(crate) fn check_options(&self) -> Result<(), UsageError> {
         match self.texture() {
-            None if self.container.is_some() => Err(UsageError::Container),
-            Some(_) if self.gpu => Err(UsageError::Excluded { option: "gpu", other: "--to bc1 to rgba8" }),
+            None if self.container.is_some() || self.zstd => Err(UsageError::Container),
+            Some(_) if self.gpu => Err(UsageError::Excluded { option: "gpu", other: "--to bc1 to rgba16" }),
+            Some(Formats { container: Container::Dds, .. }) if self.zstd => {
+                Err(UsageError::Excluded { option: "zstd", other: "--container dds" })
+            }
+            Some(Formats { container: Container::Dds, texels: Texels::Astc(_), .. }) => {
+                Err(UsageError::Excluded { option: "container dds", other: "--to astc4x4 to astc8x8" })
+            }
             _ => Ok(()),
         }
     }

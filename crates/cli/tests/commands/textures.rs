@@ -124,3 +124,78 @@ fn what_a_format_cannot_hold_is_refused_or_said() {
     assert_eq!(place.run("decompress txf/color.txf --to bc7 --out out").code, Some(0));
     assert_eq!(place.run("decompress txf/color.txf --to bc7 --out out").code, Some(1), "it is there");
 }
+
+#[test]
+fn values_of_16_bits_are_held_and_levels_are_compressed_without_loss() {
+    let place = place();
+    let values: Vec<u16> = (0..60 * 44u32).map(|at| (at * 977 % 65_521) as u16).collect();
+    let image: image::ImageBuffer<image::Luma<u16>, Vec<u16>> =
+        image::ImageBuffer::from_raw(60, 44, values).unwrap();
+    image.save(place.at("deep.png")).unwrap();
+    assert_eq!(place.run("compress deep.png --codec dct --psnr 50 --out txf").code, Some(0));
+    assert_eq!(place.run("decompress txf/deep.txf --out png").code, Some(0));
+    let wanted = image::open(place.at("png/deep.png")).unwrap().into_luma16().into_raw();
+    let run = place.run("decompress txf/deep.txf --to rgba16 --out out");
+    assert!(run.code == Some(0) && !run.stderr.contains("rounded"), "{}", run.stderr);
+    let (format, size, levels) = ktx2(&place, "out/deep.ktx2");
+    assert_eq!((format, size), (ktx2::Format::R16G16B16A16_UNORM, (60, 44)));
+    let texel = |gray: &u16| [*gray, *gray, *gray, u16::MAX];
+    let wanted: Vec<u8> = wanted.iter().flat_map(texel).flat_map(u16::to_le_bytes).collect();
+    assert!(levels == [wanted]);
+    let run = place.run("decompress txf/deep.txf --to rgba8 --out eight");
+    assert!(run.stderr.contains("rounded to 8 bits; rgba16 holds them"), "{}", run.stderr);
+
+    for to in ["rgba8", "bc7"] {
+        assert_eq!(place.run(&format!("decompress txf/color.txf --to {to} --out {to}")).code, Some(0));
+        let run = place.run(&format!("decompress txf/color.txf --to {to} --zstd --out {to}-zstd"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let plain = ktx2(&place, &format!("{to}/color.ktx2")).2;
+        let reader =
+            ktx2::Reader::new(fs::read(place.at(&format!("{to}-zstd/color.ktx2"))).unwrap()).unwrap();
+        assert_eq!(reader.header().supercompression_scheme, Some(ktx2::SupercompressionScheme::Zstandard));
+        let levels = reader.levels().map(|level| {
+            let bytes = zstd::bulk::decompress(level.data, 1 << 20).unwrap();
+            assert_eq!(bytes.len() as u64, level.uncompressed_byte_length);
+            bytes
+        });
+        assert!(levels.collect::<Vec<_>>() == plain, "{to}");
+        // It is read as any other.
+        let run = place
+            .run(&format!("compress {to}-zstd/color.ktx2 --codec bc --content raw --bpp 64 --out again"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+    }
+    for options in ["--to png --zstd", "--to bc7 --zstd --container dds", "--to astc6x6 --container dds"] {
+        assert_eq!(
+            place.run(&format!("decompress txf/color.txf {options} --out no")).code,
+            Some(2),
+            "{options}"
+        );
+    }
+}
+
+#[test]
+fn astc_is_written_where_its_encoder_is_built_in() {
+    let place = place();
+    let run = place.run("decompress txf/clear.txf --to astc6x6 --out out");
+    if cfg!(feature = "astc") {
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let (format, size, levels) = ktx2(&place, "out/clear.ktx2");
+        assert_eq!((format, size), (ktx2::Format::ASTC_6x6_SRGB_BLOCK, (60, 44)));
+        assert_eq!(levels[0].len(), 10 * 8 * 16);
+        // At twice the bits it is closer than BC1.
+        let (.., wanted) = place.samples("png/color.png");
+        let [astc, bc1] = ["astc4x4", "bc1"].map(|to| {
+            assert_eq!(place.run(&format!("decompress txf/color.txf --to {to} --out {to}")).code, Some(0));
+            let options = format!("compress {to}/color.ktx2 --codec bc --content raw --bpp 64 --out {to}");
+            assert_eq!(place.run(&options).code, Some(0));
+            assert_eq!(place.run(&format!("decompress {to}/color.txf --out {to}")).code, Some(0));
+            let (.., found) = place.samples(&format!("{to}/color.png"));
+            assert_eq!(found.len(), wanted.len());
+            found.iter().zip(&wanted).map(|(&a, &b)| u64::from(a.abs_diff(b)).pow(2)).sum::<u64>()
+        });
+        assert!(astc < bc1 / 2, "{astc} {bc1}");
+    } else {
+        assert!(run.code == Some(1) && run.stderr.contains("--features astc"), "{}", run.stderr);
+        assert!(names(&place.at("out")).is_empty());
+    }
+}

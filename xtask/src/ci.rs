@@ -26,7 +26,7 @@ pub(crate) struct CiArgs {
 /// are half as much again as on two cores with nothing else to do and nothing built before. A step that takes longer is named at the end.
 type Step = (&'static str, f64, fn(full: bool) -> io::Result<bool>);
 
-const STEPS: [Step; 12] = [
+const STEPS: [Step; 13] = [
     ("fmt", 50.0, |_| succeeds(&["fmt", "--all", "--check"])),
     ("tidy", 20.0, |_| tidy::check(&root())),
     ("build", 10_500.0, |_| succeeds(&["test", "--workspace", "--no-run"])),
@@ -38,6 +38,7 @@ const STEPS: [Step; 12] = [
     ("doc", 500.0, doc),
     ("torment", 10.0, |full| if full { torment::short() } else { Ok(true) }),
     ("features", 10.0, |full| if full { features() } else { Ok(true) }),
+    ("bevy", 10.0, |full| if full { bevy() } else { Ok(true) }),
     ("window", 10.0, |full| if full { window() } else { Ok(true) }),
 ];
 
@@ -173,6 +174,13 @@ fn decode_only() -> io::Result<bool> {
 fn needless(tree: &str) -> impl Iterator<Item = &'static str> + '_ {
     let has = |name: &str| tree.lines().any(|line| line.split_whitespace().next() == Some(name));
     NOT_FOR_DECODING.into_iter().filter(move |name| has(name))
+}
+
+/// The loader for Bevy, where the compiler suffices.
+fn bevy() -> io::Result<bool> {
+    let place = ["--manifest-path", "crates/bevy/Cargo.toml", "--target-dir", "target/bevy"];
+    let clippy = [&["clippy", "--all-targets"], &place[..], &["--", "-D", "warnings"]].concat();
+    Ok(succeeds(&clippy)? && succeeds(&[&["test"], &place[..]].concat())?)
 }
 
 /// What the program does only with features that take a C++ compiler or long to build.

@@ -35,7 +35,7 @@ const NAMED: [&str; 8] = ["criterion", "glam", "image", "kiddo", "ndarray", "ray
 const NUMERIC: [&str; 4] = ["bytemuck", "glam", "rayon", "thiserror"];
 
 /// Everything that packages may depend on. A codec knows core, bc and the crates of methods, never another codec.
-const ALLOWED: [Allowed; 24] = [
+const ALLOWED: [Allowed; 25] = [
     Allowed { package: "core", numeric: true, may: &["blake3", "pulp", "ruzstd", "zstd"] },
     Allowed { package: "bc", numeric: true, may: &["dds", "texfold-core", "texpresso"] },
     Allowed { package: "dct", numeric: true, may: &["texfold-bc", "texfold-core"] },
@@ -181,6 +181,21 @@ const ALLOWED: [Allowed; 24] = [
         package: "python",
         numeric: false,
         may: &["numpy", "pyo3", "rayon", "texfold", "texfold-shaders"],
+    },
+    // As "window", of a workspace of its own.
+    Allowed {
+        package: "bevy",
+        numeric: false,
+        may: &[
+            "bevy_app",
+            "bevy_asset",
+            "bevy_image",
+            "bevy_reflect",
+            "serde",
+            "texfold",
+            "thiserror",
+            "wgpu-types",
+        ],
     },
     Allowed {
         package: "window",

@@ -6,8 +6,9 @@ use texfold_core::{DCT_LEVELS, DctLayout, GpuChannel, GpuDct, ImageSize, Rect, R
 
 use crate::{BLOCK_STREAMS, DctPlan};
 
-/// Most bytes of scratch memory of a program: half of what every WebGPU device binds. Larger rectangles are decoded in parts.
-pub const MAX_SCRATCH: u64 = 64 << 20;
+/// Usual limit of a program's scratch memory in bytes: what every WebGPU device binds. Larger rectangles are decoded in parts, one after another,
+/// each of which takes the time of its longest stream: of 12 megatexels an H200 decodes 1.2, 1.6 and 2 gigatexels/s within 64, 128 and 192 MiB.
+pub const MAX_SCRATCH: u64 = 128 << 20;
 /// Distance in bytes of parameters in their buffers: what every device allows.
 pub const PARAMETER_STRIDE: usize = 256;
 /// Bytes of [`DctProgram::passes`] that are bound from a dispatch's offset on: a pass for each plane, of which images of 262144 texels
@@ -185,7 +186,8 @@ pub fn streams(blocks: &GpuDct<'_>) -> Vec<u8> {
 }
 
 impl DctProgram {
-    /// A rectangle, whose first texel goes to `place` in the target. `rect.image` is 0.
+    /// A rectangle, whose first texel goes to `place` in the target. `rect.image` is 0. Scratch memory is at most `max_scratch` bytes
+    /// ([`MAX_SCRATCH`]), but for a superblock that needs more alone.
     ///
     /// # Errors
     /// [`DctProgramError`] where there is no such level or channel, or the rectangle is empty or leaves the level.
@@ -194,10 +196,11 @@ impl DctProgram {
         rect: Rect,
         channels: [DctChannel; 4],
         place: [u32; 2],
+        max_scratch: u64,
     ) -> Result<DctProgram, DctProgramError> {
         let channels = DctChannel::parameters(layout, channels)?;
         let mut program = DctProgram::empty();
-        for (part, plan) in parts(layout, rect)? {
+        for (part, plan) in parts(layout, rect, max_scratch)? {
             let place = [place[0] + part.x - rect.x, place[1] + part.y - rect.y];
             program.decode(&plan, &[(0, Output::new(layout, part, &channels, place))]);
         }
@@ -212,6 +215,7 @@ impl DctProgram {
         layout: &DctLayout,
         channels: [DctChannel; 4],
         levels: u32,
+        max_scratch: u64,
     ) -> Result<DctProgram, DctProgramError> {
         let channels = DctChannel::parameters(layout, channels)?;
         let size = layout.size;
@@ -221,7 +225,7 @@ impl DctProgram {
         }
         let rect = Rect { image: 0, level: 0, x: 0, y: 0, width: size.width, height: size.height };
         let mut program = DctProgram::empty();
-        for (part, plan) in parts(layout, rect)? {
+        for (part, plan) in parts(layout, rect, max_scratch)? {
             let outputs = (0..levels).map(|level| {
                 let part = reduced(part, size, level);
                 (level, Output::new(layout, part, &channels, [part.x, part.y]))
@@ -336,15 +340,15 @@ fn reduced(part: Rect, size: ImageSize, level: u32) -> Rect {
     Rect { level, x, y, width, height, ..part }
 }
 
-/// Parts of a rectangle that need at most [`MAX_SCRATCH`] bytes each, cut where superblocks are.
-fn parts(layout: &DctLayout, rect: Rect) -> Result<Vec<(Rect, DctPlan)>, RegionError> {
+/// Parts of a rectangle that need at most so many bytes each, cut where superblocks are.
+fn parts(layout: &DctLayout, rect: Rect, max_scratch: u64) -> Result<Vec<(Rect, DctPlan)>, RegionError> {
     let texels = layout.superblock_texels(DctPlan::new(layout, rect)?.reduce_log2);
     let mut open = vec![rect];
     let mut done = Vec::new();
     while let Some(rect) = open.pop() {
         let plan = DctPlan::new(layout, rect)?;
         let [columns, rows] = plan.passes.last().map_or([1, 1], |pass| pass.count);
-        if 4 * plan.words <= MAX_SCRATCH || columns * rows <= 1 {
+        if 4 * plan.words <= max_scratch || columns * rows <= 1 {
             done.push((rect, plan));
         } else if rows > 1 {
             let middle = (rect.y / texels + rows / 2) * texels - rect.y;

@@ -224,7 +224,7 @@ typedef struct TexfoldProgramInfo {
   size_t outputs_size;
   // Bytes of it that a dispatch binds.
   size_t output_size;
-  // Bytes of scratch memory: storage buffer of group 0, binding 3. At most 64 MiB, but for superblocks that need more alone.
+  // Bytes of scratch memory: storage buffer of group 0, binding 3. More than was allowed only where one superblock needs more alone.
   uint64_t scratch_size;
   // Dispatches in their order.
   const struct TexfoldDispatch *dispatches;
@@ -354,7 +354,8 @@ enum TexfoldStatus texfold_gpu_blocks(const struct TexfoldGpu *gpu, uint32_t blo
 // Describes a texture that blocks are decoded to.
 enum TexfoldStatus texfold_gpu_decoded(const struct TexfoldGpu *gpu, uint32_t decoded, struct TexfoldDecodedInfo *info);
 
-// Dispatches that decode a texture in blocks: all of its levels, `x` and `y` being 0; or where `region` is not null that rectangle (levels
+// Dispatches that decode a texture in blocks within `max_scratch` bytes of scratch memory (0: 128 MiB, what every WebGPU device binds;
+// large textures are faster within more): all of its levels, `x` and `y` being 0; or where `region` is not null that rectangle (levels
 // counted from that of the blocks, `image` 0), whose first texel goes to column `x` and row `y` of the target. The functions are in the
 // shader that TexfoldBlocksInfo names.
 enum TexfoldStatus texfold_program_new(const struct TexfoldGpu *gpu,
@@ -362,6 +363,7 @@ enum TexfoldStatus texfold_program_new(const struct TexfoldGpu *gpu,
                                        const struct TexfoldRegion *region,
                                        uint32_t x,
                                        uint32_t y,
+                                       uint64_t max_scratch,
                                        struct TexfoldProgram **program);
 
 // Frees a program; null is allowed.

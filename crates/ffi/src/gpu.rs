@@ -176,7 +176,7 @@ pub struct ProgramInfo {
     pub outputs_size: usize,
     /// Bytes of it that a dispatch binds.
     pub output_size: usize,
-    /// Bytes of scratch memory: storage buffer of group 0, binding 3. At most 64 MiB, but for superblocks that need more alone.
+    /// Bytes of scratch memory: storage buffer of group 0, binding 3. More than was allowed only where one superblock needs more alone.
     pub scratch_size: u64,
     /// Dispatches in their order.
     pub dispatches: *const Dispatch,
@@ -357,7 +357,8 @@ pub unsafe extern "C" fn texfold_gpu_decoded(
     })
 }
 
-/// Dispatches that decode a texture in blocks: all of its levels, `x` and `y` being 0; or where `region` is not null that rectangle (levels
+/// Dispatches that decode a texture in blocks within `max_scratch` bytes of scratch memory (0: 128 MiB, what every WebGPU device binds;
+/// large textures are faster within more): all of its levels, `x` and `y` being 0; or where `region` is not null that rectangle (levels
 /// counted from that of the blocks, `image` 0), whose first texel goes to column `x` and row `y` of the target. The functions are in the
 /// shader that TexfoldBlocksInfo names.
 #[unsafe(no_mangle)]
@@ -367,6 +368,7 @@ pub unsafe extern "C" fn texfold_program_new(
     region: *const Region,
     x: u32,
     y: u32,
+    max_scratch: u64,
     program: *mut *mut Program,
 ) -> Status {
     guarded(|| {
@@ -374,9 +376,10 @@ pub unsafe extern "C" fn texfold_program_new(
         let (gpu, region) = unsafe { (there(gpu, "gpu")?, region.as_ref()) };
         let Blocks { of, .. } = numbered(&gpu.blocks, blocks, "blocks")?;
         let channels = DctChannel::colours(&of.layout);
+        let max_scratch = if max_scratch == 0 { texfold_shaders::MAX_SCRATCH } else { max_scratch };
         let made = match region {
             None if (x, y) != (0, 0) => return Err(Failure::argument("x and y are of a region; give 0")),
-            None => DctProgram::levels(&of.layout, channels, of.levels)?,
+            None => DctProgram::levels(&of.layout, channels, of.levels, max_scratch)?,
             Some(&Region { image, level, x: left, y: top, width, height }) => {
                 let size = of.layout.size.at_level(level.min(31));
                 let extent = |given: u32, all: u32, first: u32| {
@@ -384,7 +387,7 @@ pub unsafe extern "C" fn texfold_program_new(
                 };
                 let (width, height) = (extent(width, size.width, left), extent(height, size.height, top));
                 let rect = texfold::Rect { image, level, x: left, y: top, width, height };
-                DctProgram::new(&of.layout, rect, channels, [x, y])?
+                DctProgram::new(&of.layout, rect, channels, [x, y], max_scratch)?
             }
         };
         let dispatch = |dispatch: &texfold_shaders::DctDispatch| Dispatch {

@@ -95,7 +95,7 @@ static void read_gpu(const TexfoldTexture *texture) {
         EXPECT(texfold_gpu_blocks(gpu, number, &blocks) == TEXFOLD_STATUS_OK);
         EXPECT(blocks.streams_size % 4 == 0);
         hash ^= hash_of(blocks.words, 4 * blocks.words_count) ^ hash_of(blocks.streams, blocks.streams_size);
-        EXPECT(texfold_program_new(gpu, number, NULL, 0, 0, &program) == TEXFOLD_STATUS_OK);
+        EXPECT(texfold_program_new(gpu, number, NULL, 0, 0, 0, &program) == TEXFOLD_STATUS_OK);
         EXPECT(texfold_program_info(program, &calls) == TEXFOLD_STATUS_OK);
         EXPECT(calls.dispatch_count > 2 && calls.dispatches[0].clears);
         EXPECT(calls.dispatches[calls.dispatch_count - 1].writes);
@@ -107,12 +107,12 @@ static void read_gpu(const TexfoldTexture *texture) {
         hash ^= hash_of(calls.passes, calls.passes_size) ^ hash_of(calls.outputs, calls.outputs_size);
         texfold_program_free(program);
         TexfoldRegion beyond = {.x = blocks.width};
-        EXPECT(texfold_program_new(gpu, number, &beyond, 0, 0, &program) == TEXFOLD_STATUS_REGION);
+        EXPECT(texfold_program_new(gpu, number, &beyond, 0, 0, 0, &program) == TEXFOLD_STATUS_REGION);
     }
     TexfoldPlaneInfo plane;
     EXPECT(texfold_gpu_plane(gpu, info.planes, &plane) == TEXFOLD_STATUS_ARGUMENT);
     TexfoldProgram *program;
-    EXPECT(texfold_program_new(gpu, info.blocks, NULL, 0, 0, &program) == TEXFOLD_STATUS_ARGUMENT);
+    EXPECT(texfold_program_new(gpu, info.blocks, NULL, 0, 0, 0, &program) == TEXFOLD_STATUS_ARGUMENT);
     if (hash == 0) printf("nothing\n");
     texfold_gpu_free(gpu);
 }

@@ -80,20 +80,25 @@ impl Blocks {
         texfold_shaders::block(if self.layout.depth > 8 { DctTarget::Uint16 } else { DctTarget::Unorm8 })
     }
 
-    /// All levels, or a level and a region of it, whose first texel goes to a place.
+    /// All levels, or a level and a region of it, whose first texel goes to a place; within so many bytes of scratch memory.
     fn program<'py>(
         &self,
         py: Python<'py>,
         region: Option<(u32, [u32; 4])>,
         place: [u32; 2],
+        max_scratch: u64,
     ) -> PyResult<Program<'py>> {
         let layout = &self.layout;
         let channels = DctChannel::colours(layout);
         let program = match region {
-            None => DctProgram::levels(layout, channels, self.place.2),
-            Some((level, [x, y, width, height])) => {
-                DctProgram::new(layout, Rect { image: 0, level, x, y, width, height }, channels, place)
-            }
+            None => DctProgram::levels(layout, channels, self.place.2, max_scratch),
+            Some((level, [x, y, width, height])) => DctProgram::new(
+                layout,
+                Rect { image: 0, level, x, y, width, height },
+                channels,
+                place,
+                max_scratch,
+            ),
         };
         let program = program.map_err(|error: DctProgramError| region_error(&error))?;
         let dispatches = program.dispatches.iter().map(|dispatch| {

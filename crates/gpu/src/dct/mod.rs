@@ -112,7 +112,7 @@ impl DctDecoder {
             return Err(RegionError::Outside { width: size.0, height: size.1 }.into());
         }
         let target = target_of(texture, image.layout.depth)?;
-        let program = DctProgram::new(&image.layout, rect, channels, place)?;
+        let program = DctProgram::new(&image.layout, rect, channels, place, MAX_SCRATCH)?;
         gpu.guarded(|| self.submit(gpu, image, &program, target, &[view_of(texture, 0)]))
     }
 
@@ -134,7 +134,7 @@ impl DctDecoder {
             return Err(RegionError::Outside { width: level_size.width, height: level_size.height }.into());
         }
         let target = target_of(texture, image.layout.depth)?;
-        let program = DctProgram::levels(&image.layout, channels, levels)?;
+        let program = DctProgram::levels(&image.layout, channels, levels, MAX_SCRATCH)?;
         let views: Vec<_> = (first..first + levels).map(|level| view_of(texture, level)).collect();
         gpu.guarded(|| self.submit(gpu, image, &program, target, &views))
     }

@@ -30,7 +30,7 @@ class Blocks:
     streams: bytes
     shader: str
     def program(
-        self, region: tuple[int, tuple[int, int, int, int]] | None, place: tuple[int, int]
+        self, region: tuple[int, tuple[int, int, int, int]] | None, place: tuple[int, int], max_scratch: int
     ) -> tuple[bytes, bytes, tuple[int, int], int, list[tuple[str, bool, int, int, int, tuple[int, int, int]]]]: ...
 
 class Bank:

@@ -67,8 +67,10 @@ class Blocks:
         level: int = 0,
         region: tuple[int, int, int, int] | None = None,
         place: tuple[int, int] = (0, 0),
+        max_scratch: int = 128 << 20,
     ) -> Program:
-        """Dispatches that decode all levels, or a region of a level (column, row, columns, rows) to a place of the target.
+        """Dispatches that decode all levels, or a region of a level (column, row, columns, rows) to a place of the target, within so many
+        bytes of scratch memory: by default what every WebGPU device binds. Large textures are faster within more.
 
         Raises
         ------
@@ -76,7 +78,7 @@ class Blocks:
             A level or region that does not exist.
         """
         wanted = None if region is None else (level, tuple(region))
-        passes, outputs, bound, scratch, dispatches = self._blocks.program(wanted, place)
+        passes, outputs, bound, scratch, dispatches = self._blocks.program(wanted, place, max_scratch)
         return Program(passes, outputs, *bound, scratch, [Dispatch(*dispatch) for dispatch in dispatches])
 
 

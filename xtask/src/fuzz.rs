@@ -24,7 +24,7 @@ enum Seeds {
 const TARGETS: [(&str, Seeds); 4] =
     [("open", Seeds::Golden), ("blocks", Seeds::None), ("sections", Seeds::None), ("inputs", Seeds::Inputs)];
 /// Inputs that are texts, each with the number of its kind: `texfold_cli::FOREIGN`.
-const TEXTS: [(u8, &str); 5] = [
+const TEXTS: [(u8, &str); 7] = [
     (
         3,
         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float u\nproperty float v\n\
@@ -36,6 +36,9 @@ const TEXTS: [(u8, &str); 5] = [
     ),
     (6, "1 1 0 0 0 0 0 0 1 a.png\n\n\x001 OPENCV 8 6 5 5 4 3 0.1 0 0 0\n"),
     (7, "root = \"a.png\"\ntau = 1.5\n[[patch]]\nimage = \"b.png\"\nmatrix = [1, 0, 0, 0, 1, 0, 0, 0, 1]\n"),
+    // No image, and no camera.
+    (9, "\x08\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0"),
+    (10, "1\na.png 5 0 4 0 5 3 0 0 1 1 0 0 0 1 0 0 0 1 0 0 2\n"),
     (8, r#"{"version":1,"next":0,"categories":[],"images":[]}"#),
 ];
 /// Coverage for libFuzzer, and what debug builds check.

@@ -164,13 +164,13 @@ pub(crate) enum CliError {
     CameraContent { path: PathBuf, what: &'static str },
     #[error("{}: the camera of frame {frame} has a singular matrix or no focal length; calibrate it again", path.display())]
     SingularCamera { path: PathBuf, frame: usize },
-    #[error("{}: there is no {name}; put the mesh there or give --mesh", path.display())]
+    #[error("{}: there is no {name}; put the mesh there or give --mesh: one in the cameras' space, such as COLMAP's poisson_mesher, OpenMVS or Metashape make", path.display())]
     NoMesh { path: PathBuf, name: String },
     #[error("{}: names {}, which lies outside of the folder; give --outside if that is meant", path.display(), file.display())]
     Outside { path: PathBuf, file: PathBuf },
     #[error("{}: {width}x{height} pixels where its camera has {}x{}; scale the image or correct the cameras", path.display(), wanted.0, wanted.1)]
     ImageSize { path: PathBuf, width: u32, height: u32, wanted: (u32, u32) },
-    #[error("{}: is not a capture; give codec lightfield a folder with transforms.json (or COLMAP's images.txt and cameras.txt), images and mesh.obj, .ply, .glb or .gltf", path.display())]
+    #[error("{}: is not a capture; give codec lightfield a folder with transforms.json (or a model of COLMAP, images.txt and cameras.txt or .bin, or Middlebury's _par.txt), images and mesh.obj, .ply, .glb or .gltf", path.display())]
     NotCapture { path: PathBuf },
     #[error("{}: is a capture, but codec {codec} takes images; give --codec lightfield, or --as set to encode its images", path.display())]
     OnlyImages { path: PathBuf, codec: &'static str },

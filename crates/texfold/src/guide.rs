@@ -111,15 +111,13 @@
 //! # Capture a light field
 //!
 //! A light field is a mesh and photographs of it with their cameras: a folder with `transforms.json` (as NeRF tools
-//! write it) or COLMAP's `images.txt` and `cameras.txt`, the images, and `mesh.obj`, `mesh.ply` or `mesh.glb` in the cameras' space.
+//! write it) or a model of COLMAP (`images.txt` and `cameras.txt`, or `.bin`, there or in `sparse/0`) or Middlebury's `*_par.txt`, the images, and `mesh.obj`, `mesh.ply` or `mesh.glb` in the cameras' space.
 //! Lenses with k1, k2, k3, p1 and p2 are undistorted; fisheye lenses are refused. Pixels with alpha 0 do not show the object:
 //! mask what the mesh does not cover. From photographs to a capture with COLMAP:
 //!
 //! ```sh
 //! colmap automatic_reconstructor --workspace_path work --image_path photos
-//! colmap model_converter --input_path work/dense/0/sparse --output_path captures/statue --output_type TXT
-//! cp -r work/dense/0/images captures/statue/
-//! cp work/dense/0/meshed-poisson.ply captures/statue/mesh.ply
+//! mv work/dense/0 captures/statue      # images, sparse/*.bin and meshed-poisson.ply
 //! ```
 //!
 //! COLMAP's mesh lies in the space of COLMAP's cameras; a `transforms.json` that nerfstudio made of them is turned and scaled

@@ -1,5 +1,5 @@
 //! Captures: `transforms.json` (the convention of NeRF and nerfstudio: intrinsics in pixels, matrices from camera to
-//! world with OpenGL axes) or COLMAP's `images.txt` and `cameras.txt`, the images that these name, and `mesh.obj`, `mesh.ply`, `mesh.glb` or `mesh.gltf` in the
+//! world with OpenGL axes), COLMAP's models or Middlebury's `*_par.txt`, the images that these name, and `mesh.obj`, `.ply`, `.glb` or `.gltf` or COLMAP's `meshed-poisson.ply` in the
 //! cameras' space. Photographs of lenses that distort are undistorted.
 
 use std::error::Error;
@@ -14,7 +14,7 @@ use texfold::{
 };
 
 use super::lens::{Distortion, Lens};
-use super::{colmap, pixels, shape};
+use super::{colmap, middlebury, pixels, shape};
 use crate::error::CliError;
 use crate::files;
 use crate::memory;
@@ -23,10 +23,10 @@ use crate::memory;
 const CAMERAS_NAME: &str = "transforms.json";
 /// Cameras of photographs that are kept for tests, as NeRF's captures have them.
 const TEST_NAME: &str = "transforms_test.json";
-/// The cameras of COLMAP, which make a folder a capture where it has no other.
-const COLMAP_NAME: &str = "images.txt";
-/// Names of meshes, in the order in which they are looked for.
-const MESH_NAMES: [&str; 4] = ["mesh.obj", "mesh.ply", "mesh.glb", "mesh.gltf"];
+/// Names of meshes, in the order in which they are looked for; the last two are COLMAP's.
+const MESH_NAMES: [&str; 6] =
+    ["mesh.obj", "mesh.ply", "mesh.glb", "mesh.gltf", "meshed-poisson.ply", "meshed-delaunay.ply"];
+
 #[derive(Debug, Deserialize)]
 struct Frame {
     file_path: String,
@@ -52,10 +52,18 @@ pub(crate) struct Shot {
     to_world: Mat4,
 }
 
-/// Reads a file of cameras: COLMAP's text where its name ends in `.txt`, else `transforms.json`.
+/// Reads a file of cameras: Middlebury's where its name ends in `_par.txt`, COLMAP's where it ends in `.txt` or `.bin`, else
+/// `transforms.json`.
 pub(crate) fn read_cameras(path: &Path) -> Result<Vec<Shot>, CliError> {
-    let is_text = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("txt"));
-    let shots = if is_text { colmap::read(path) } else { read_transforms(path) }?;
+    let ends_in =
+        |extension: &str| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension));
+    let shots = if middlebury::is_table(path) {
+        middlebury::read(path)
+    } else if ends_in("txt") || ends_in("bin") {
+        colmap::read(path)
+    } else {
+        read_transforms(path)
+    }?;
     if shots.is_empty() {
         return Err(CliError::CameraContent { path: path.to_owned(), what: "names no frame" });
     }
@@ -127,14 +135,17 @@ pub(crate) fn is_capture(dir: &Path) -> bool {
     camera_files(dir).iter().all(|file| file.exists())
 }
 
-/// The files of a capture's cameras, that of the poses first; `transforms.json` where there is none.
+/// The files of a capture's cameras, that of the poses first: `transforms.json`, else the model of COLMAP or the table of Middlebury that is
+/// there; `transforms.json` where there is none.
 pub(crate) fn camera_files(dir: &Path) -> Vec<PathBuf> {
-    let colmap = [COLMAP_NAME, colmap::LENSES_NAME].map(|name| dir.join(name));
-    let transforms = dir.join(CAMERAS_NAME);
-    if !transforms.exists() && colmap.iter().all(|file| file.exists()) {
-        return colmap.to_vec();
-    }
-    vec![transforms]
+    let transforms = vec![dir.join(CAMERAS_NAME)];
+    let models = colmap::FOLDERS.into_iter().flat_map(|folder| {
+        let names = colmap::NAMES.into_iter();
+        names.map(move |names| names.map(|name| dir.join(folder).join(name)).to_vec())
+    });
+    let tables = middlebury::table(dir).map(|table| vec![table]);
+    let mut all = [transforms.clone()].into_iter().chain(models).chain(tables);
+    all.find(|files| files.iter().all(|file| file.is_file())).unwrap_or(transforms)
 }
 
 /// The file of cameras whose photographs a capture keeps for tests, where it has one.

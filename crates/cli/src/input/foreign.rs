@@ -10,8 +10,8 @@ use crate::error::{CliError, guarded};
 use crate::files;
 use crate::input::{Remarks, read_files};
 
-/// Names of files, one a kind of input. What an image is its bytes tell, but for TGA. A file of cameras by COLMAP is two files, with a zero between them.
-pub const FOREIGN: [&str; 9] = [
+/// Names of files, one a kind of input. What an image is its bytes tell, but for TGA. A file of cameras by COLMAP is two files, with a zero between them; as binary the length of the first comes first.
+pub const FOREIGN: [&str; 11] = [
     "image.png",
     "image.tga",
     "mesh.obj",
@@ -21,6 +21,8 @@ pub const FOREIGN: [&str; 9] = [
     "images.txt",
     "zipmap.toml",
     "bank.json",
+    "images.bin",
+    "toy_par.txt",
 ];
 
 /// Reads a file of one of the names in [`FOREIGN`] with at most so many bytes; the fault that a user would see. A panic of a decoder becomes one, too.
@@ -40,6 +42,17 @@ fn read(path: &Path, limit_bytes: u64) -> Result<(), CliError> {
             // Each takes what the other may refuse.
             let with_coordinates = mesh::read(path).map(|_| ());
             shape::read(path).map(|_| ()).and(with_coordinates)
+        }
+        "txt" if name.ends_with("_par.txt") => cameras(path),
+        "bin" => {
+            let bytes = files::read(path)?;
+            let (length, rest) = bytes.split_first_chunk().unwrap_or((&[0; 2], &[]));
+            let (images, lenses) = rest.split_at(usize::from(u16::from_le_bytes(*length)).min(rest.len()));
+            for (name, bytes) in [(name, images), ("cameras.bin", lenses)] {
+                let path = path.with_file_name(name);
+                std::fs::write(&path, bytes).map_err(|source| CliError::Write { path, source })?;
+            }
+            cameras(path)
         }
         "txt" => {
             let bytes = files::read(path)?;

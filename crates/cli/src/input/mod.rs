@@ -14,6 +14,7 @@ mod jpeg;
 mod lens;
 pub(crate) mod material;
 pub(crate) mod mesh;
+mod middlebury;
 pub(crate) mod pixels;
 mod profile;
 pub(crate) mod remarks;

@@ -177,7 +177,7 @@ fn a_goal_is_reached_or_the_report_says_so() {
 }
 
 #[test]
-fn a_model_of_colmap_is_a_capture() {
+fn models_of_colmap_and_tables_of_middlebury_are_captures() {
     let place = Place::new();
     write_capture(&place, "ball");
     let file = place.at("ball/transforms.json");
@@ -186,23 +186,35 @@ fn a_model_of_colmap_is_a_capture() {
     let focal = wanted[0].camera.focal.x;
     let lens = format!("1 SIMPLE_PINHOLE {SIZE} {SIZE} {focal} {0} {0}\n", SIZE / 2);
     fs::write(place.at("ball/cameras.txt"), lens).unwrap();
-    let mut images = String::new();
+    let (mut images, mut table) = (String::new(), format!("{}\n", wanted.len()));
     for (index, view) in wanted.iter().enumerate() {
         let flipped = view.camera.to_world * glam::Mat4::from_scale(glam::vec3(1.0, -1.0, -1.0));
         let (_, turn, shift) = flipped.inverse().to_scale_rotation_translation();
         let [x, y, z, w] = turn.to_array();
         images +=
             &format!("{index} {w} {x} {y} {z} {} {} {} 1 {index:02}.png\n\n", shift.x, shift.y, shift.z);
+        let centre = 0.5 * SIZE as f32 - 0.5;
+        table += &format!("images/{index:02}.png {focal} 0 {centre} 0 {focal} {centre} 0 0 1");
+        let by_rows = glam::Mat3::from_quat(turn).transpose().to_cols_array();
+        let numbers = by_rows.into_iter().chain(shift.to_array()).map(|number| format!(" {number}"));
+        table += &(numbers.collect::<String>() + "\n");
     }
     fs::write(place.at("ball/images.txt"), images).unwrap();
-    let found = texfold_cli::read_views(&place.at("ball/images.txt")).unwrap();
-    for (found, wanted) in found.iter().zip(&wanted) {
-        assert!(
-            found.camera.to_world.abs_diff_eq(wanted.camera.to_world, 1e-4) && found.pixels == wanted.pixels
-        );
+    for file in ["images.txt", "ball_par.txt"] {
+        if file == "ball_par.txt" {
+            fs::remove_file(place.at("ball/images.txt")).unwrap();
+            fs::write(place.at("ball").join(file), &table).unwrap();
+        }
+        let found = texfold_cli::read_views(&place.at("ball").join(file)).unwrap();
+        assert_eq!(found.len(), wanted.len());
+        for (found, wanted) in found.iter().zip(&wanted) {
+            assert!(found.camera.to_world.abs_diff_eq(wanted.camera.to_world, 1e-4), "{file}");
+            assert!(found.camera.centre.abs_diff_eq(wanted.camera.centre, 1e-4), "{file}");
+            assert!(found.pixels == wanted.pixels, "{file}");
+        }
+        let (run, report) = place.compress(&format!("ball --force --out out-{file}"));
+        assert!(run.code == Some(0) && report[0]["codec"] == "lightfield", "{}", run.stderr);
     }
-    let (run, report) = place.compress("ball --out out");
-    assert!(run.code == Some(0) && report[0]["codec"] == "lightfield", "{}", run.stderr);
 }
 
 /// A pincushion lens draws farther out than a pinhole: its photograph undistorted shows the ball smaller.

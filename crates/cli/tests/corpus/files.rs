@@ -361,6 +361,13 @@ pub(crate) fn red_block() -> Vec<u8> {
     [0, 0xf8, 0, 0xf8, 0, 0, 0, 0].to_vec()
 }
 
+/// An ASTC block of one colour.
+pub(crate) fn astc_block(rgba: [u8; 4]) -> Vec<u8> {
+    // A void extent without bounds, then 16 bits a channel.
+    let colour = rgba.into_iter().flat_map(|value| [value, value]);
+    [0xfc, 0xfd].into_iter().chain([0xff; 6]).chain(colour).collect()
+}
+
 /// A BC7 block of mode 5: all texels have these values of 7 bits, and this alpha.
 pub(crate) fn bc7_block([red, green, blue]: [u8; 3], alpha: u8) -> Vec<u8> {
     // One bit of mode behind five zeros, two bits of rotation.

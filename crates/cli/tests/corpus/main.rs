@@ -294,7 +294,13 @@ fn containers() -> Vec<Case> {
         ("uastc.ktx2", ktx2_of(0, 0, 1, &[0; 64]), Want::Refused("holds Basis Universal")),
         ("cube.ktx2", ktx2_of(145, 0, 6, &bc7()), Want::Refused("holds a cube map")),
         ("bc6.ktx2.ktx2", ktx2_of(143, 0, 1, &[0; 64]), Want::Refused("holds BC6H")),
-        ("astc.ktx2", ktx2_of(157, 0, 1, &[0; 64]), Want::Refused("holds another format")),
+        (
+            "astc.ktx2",
+            ktx2_of(157, 0, 1, &blocks(astc_block([200, 100, 50, 255]))),
+            Want::Taken(flat(3, [200.0, 100.0, 50.0])),
+        ),
+        ("astc-cut.ktx2", ktx2_of(158, 0, 1, &[0; 24]), Want::Refused("ends before its blocks do")),
+        ("etc2.ktx2", ktx2_of(147, 0, 1, &[0; 64]), Want::Refused("holds another format")),
         ("bc7-cut.dds", dds_of(F::BC7_UNORM, &bc7()[..20]), Want::Refused("ends before its blocks do")),
     ]
 }

@@ -48,7 +48,7 @@ test("golden files are drawn by WebGL as by WebGPU", options, async () => {
     if (form.blocks.length > 0 || form.module === "lightfield" || (await page.evaluate((url) => window.lacks(url), url)).length > 0) {
       continue;
     }
-    for (let image = 0; image < layout.images.length; image++) {
+    for (const image of new Set([0, layout.images.length - 1])) {
       for (const level of new Set([0, Math.min(2, layout.levels - 1), layout.levels - 1])) {
         const found = await page.evaluate((all) => window.drawnByWebGl(...all), [url, ...shaderOf(form.module), image, level]);
         const view = [url, { image, scale: 2 ** -level }, found.width, found.height];

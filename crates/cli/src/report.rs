@@ -320,7 +320,9 @@ pub(crate) fn missed(goal: Goal, found: &Measured) -> Option<String> {
             format!("{:.2}", found.worst_block_rms),
         ),
     };
-    missed.then(|| format!("the goal of {wanted} was missed: {reached}"))
+    // A size is missed where a codec's form takes more, however coarse it is.
+    let remedy = if matches!(goal, Goal::Bpp(_)) { "; give more bits, or another codec" } else { "" };
+    missed.then(|| format!("the goal of {wanted} was missed: {reached}{remedy}"))
 }
 
 /// A sentence where a light field of that PSNR misses its goal.

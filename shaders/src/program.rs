@@ -7,7 +7,8 @@ use texfold_core::{DCT_LEVELS, DctLayout, GpuChannel, GpuDct, ImageSize, Rect, R
 use crate::{BLOCK_STREAMS, DctPlan};
 
 /// Usual limit of a program's scratch memory in bytes: what every WebGPU device binds. Larger rectangles are decoded in parts, one after another,
-/// each of which takes the time of its longest stream: of 12 megatexels an H200 decodes 1.2, 1.6 and 2 gigatexels/s within 64, 128 and 192 MiB.
+/// each of which takes the time of its longest stream: of 12 megatexels at half a bit a texel an H200 decodes 1.15, 1.6
+/// and 2 gigatexels/s within 64, 128 and 192 MiB (benches/gpu.md).
 pub const MAX_SCRATCH: u64 = 128 << 20;
 /// Distance in bytes of parameters in their buffers: what every device allows.
 pub const PARAMETER_STRIDE: usize = 256;
@@ -23,7 +24,7 @@ const BLOCKS: u32 = 64;
 /// Texels along the side of what a workgroup writes.
 const TEXELS: u32 = 8;
 
-/// What a channel of a decoded texture holds.
+/// Content of a channel of a decoded texture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DctChannel {
     /// The channel of that number.
@@ -161,7 +162,7 @@ pub struct DctDispatch {
     pub groups: [u32; 3],
 }
 
-/// What decodes a rectangle of a texture in blocks, or an image and the mip levels that are made of it: dispatches in their order.
+/// Dispatches, in their order, that decode a rectangle of a texture in blocks, or an image and the mip levels that are made of it.
 ///
 /// Group 0 has [`DctProgram::passes`] (uniform), [`GpuDct::words`], [`streams()`] and scratch memory (storage buffers), group 1
 /// [`DctProgram::outputs`] (uniform) and a level of the target (storage texture).
@@ -326,7 +327,7 @@ impl Output {
     }
 }
 
-/// Where a part of an image of that size lies in a level whose texels are means of squares of its samples. Parts are cut where
+/// Place of a part of an image of that size in a level whose texels are means of squares of its samples. Parts are cut where
 /// superblocks are: at multiples of such squares.
 fn reduced(part: Rect, size: ImageSize, level: u32) -> Rect {
     let few = size.at_level(level);

@@ -183,7 +183,7 @@ fn bevy() -> io::Result<bool> {
     Ok(succeeds(&clippy)? && succeeds(&[&["test"], &place[..]].concat())?)
 }
 
-/// What the program does only with features that take a C++ compiler or long to build.
+/// Tests of the program with the features that take a C++ compiler or long to build.
 fn features() -> io::Result<bool> {
     succeeds(&["test", "--package", "texfold-cli", "--features", "astc,jxl"])
 }

@@ -12,7 +12,8 @@
 //! ```
 //!
 //! Texels are decoded by the CPU while the asset is loaded, to 8 bits a channel (16 where the source has more), which is what they take on
-//! the GPU; the file is what is small. Images in sRGB have an sRGB format, as Bevy wants base colours. The maps of a material and the images of
+//! the GPU; the file is what is small. 16 bits a channel take a
+//! device with `TEXTURE_FORMAT_16BIT_NORM`. Images in sRGB have an sRGB format, as Bevy wants base colours. The maps of a material and the images of
 //! a set are labelled: maps by their kinds
 //! (their names where several are of a kind), images by their numbers ("stone.txf#normal", "walk.txf#3"); the asset itself is the first.
 
@@ -45,11 +46,11 @@ pub struct TexfoldLoader;
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(default)]
 pub struct TexfoldSettings {
-    /// Coarsest levels are kept: so many of the finest are left out, each of which takes four times what the next one takes.
+    /// Finest mip levels to leave out; each takes four times the memory of the next. The coarsest one is always loaded.
     pub skipped_levels: u32,
-    /// Most bytes that opening the file may take.
+    /// Largest number of bytes that opening the file may allocate.
     pub max_bytes: u64,
-    /// Where the texels are kept.
+    /// Worlds that hold the texels, as of any image of Bevy.
     pub asset_usage: RenderAssetUsages,
 }
 
@@ -91,12 +92,14 @@ impl AssetLoader for TexfoldLoader {
         let limits = Limits { bytes: settings.max_bytes, ..Limits::default() };
         let texture = texfold::open_with(&bytes, &limits).and_then(AnyTexture::into_image)?;
         let layout = texture.as_encoded().layout().clone();
-        let labelled =
-            if layout.images.len() > 1 || !layout.maps.is_empty() { layout.images.len() } else { 0 };
-        for number in 0..labelled {
+        let first = image(&texture, 0, settings)?;
+        if layout.images.len() > 1 || !layout.maps.is_empty() {
+            context.add_labeled_asset(label(&layout, 0), first.clone());
+        }
+        for number in 1..layout.images.len() {
             context.add_labeled_asset(label(&layout, number), image(&texture, number as u32, settings)?);
         }
-        image(&texture, 0, settings)
+        Ok(first)
     }
 
     fn extensions(&self) -> &[&str] {

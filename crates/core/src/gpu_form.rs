@@ -33,6 +33,24 @@ pub enum PlaneFormat {
 }
 
 impl PlaneFormat {
+    /// Its name in WebGPU: "rgba8unorm", "bc7-rgba-unorm", ...
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            PlaneFormat::Rg8Uint => "rg8uint",
+            PlaneFormat::R32Uint => "r32uint",
+            PlaneFormat::Rgba32Uint => "rgba32uint",
+            PlaneFormat::R8Unorm => "r8unorm",
+            PlaneFormat::Rg8Unorm => "rg8unorm",
+            PlaneFormat::Rgba8Unorm => "rgba8unorm",
+            PlaneFormat::Bc1 => "bc1-rgba-unorm",
+            PlaneFormat::Bc3 => "bc3-rgba-unorm",
+            PlaneFormat::Bc4 => "bc4-r-unorm",
+            PlaneFormat::Bc5 => "bc5-rg-unorm",
+            PlaneFormat::Bc7 => "bc7-rgba-unorm",
+        }
+    }
+
     /// Texels a side of one stored block: 4 for the BC formats, 1 for plain texels.
     #[must_use]
     pub fn block_side(self) -> u32 {

@@ -43,7 +43,7 @@ typedef struct TexfoldProgram TexfoldProgram;
 // A texture of one image, a set, or the maps of a material.
 typedef struct TexfoldTexture TexfoldTexture;
 
-// What a file may take while it is opened.
+// Limits of what opening a file allocates.
 typedef struct TexfoldLimits {
   // Texels of all images and mip levels.
   uint64_t texels;
@@ -51,7 +51,7 @@ typedef struct TexfoldLimits {
   uint64_t bytes;
 } TexfoldLimits;
 
-// What a texture holds. Strings live as long as the texture.
+// Description of a texture. Strings live as long as the texture.
 typedef struct TexfoldInfo {
   // Name of the codec.
   const char *codec;
@@ -69,7 +69,7 @@ typedef struct TexfoldInfo {
   uint64_t resident_bytes;
 } TexfoldInfo;
 
-// What an image of a texture is. Strings live as long as the texture.
+// Description of an image of a texture. Strings live as long as the texture.
 typedef struct TexfoldImageInfo {
   // Columns of level 0. Level l has max(1, width >> l).
   uint32_t width;
@@ -107,7 +107,7 @@ typedef struct TexfoldRegion {
   uint32_t height;
 } TexfoldRegion;
 
-// What a texture consists of on a GPU. Pointers live as long as the object.
+// Numbers of planes, images and blocks of a texture, and its parameters. Pointers live as long as the object.
 typedef struct TexfoldGpuInfo {
   // Name of the shader that reads its texels: `texfold shaders <module>` writes it.
   const char *module;
@@ -141,7 +141,7 @@ typedef struct TexfoldPlaneInfo {
   size_t size;
 } TexfoldPlaneInfo;
 
-// What to bind to draw an image. Pointers live as long as the object.
+// Bindings of an image. Pointers live as long as the object.
 typedef struct TexfoldBindingInfo {
   // Numbers of textures in the order of the shader's bindings: planes, and from the number of planes on those that blocks are decoded to.
   const uint32_t *textures;
@@ -204,9 +204,9 @@ typedef struct TexfoldDispatch {
   uint32_t level;
   // Workgroups.
   uint32_t groups[3];
-  // Fill scratch memory with zeros before it.
+  // True where scratch memory is filled with zeros before it.
   bool clears;
-  // Whether it is write_texels.
+  // True of write_texels.
   bool writes;
 } TexfoldDispatch;
 
@@ -232,10 +232,10 @@ typedef struct TexfoldProgramInfo {
   size_t dispatch_count;
 } TexfoldProgramInfo;
 
-// Told of the stage of an encoder and the share that is done, 0 to 1, from one thread at a time. False cancels.
+// A callback with the name of an encoder's stage and the share of the work that is done, 0 to 1; called from one thread at a time. False cancels.
 typedef bool (*TexfoldProgress)(const char *stage, float done, void *user);
 
-// How to encode. texfold_encode_options() has the usual values.
+// Options of texfold_encode; texfold_encode_options() has the usual values.
 typedef struct TexfoldEncodeOptions {
   // "dct", "vq", "epitome", "progressive", "bc"; null or "auto": the codec that answers the goal best.
   const char *codec;
@@ -249,7 +249,7 @@ typedef struct TexfoldEncodeOptions {
   const char *metric;
   // "block" or "texel"; null: whichever needs fewer bits.
   const char *access;
-  // Whether mip levels are stored.
+  // True to store mip levels.
   bool mips;
   // Threads; 0 for as many as there are cores.
   uint32_t threads;
@@ -333,19 +333,19 @@ enum TexfoldStatus texfold_decode_rgba16(const struct TexfoldTexture *texture,
                                          size_t size,
                                          size_t row_bytes);
 
-// What a texture consists of on a GPU.
+// Copies the planes, parameters and blocks of a texture.
 enum TexfoldStatus texfold_gpu_new(const struct TexfoldTexture *texture, struct TexfoldGpu **gpu);
 
 // Frees what texfold_gpu_new made; null is allowed.
 void texfold_gpu_free(struct TexfoldGpu *gpu);
 
-// Counts and parameters.
+// Describes all of it.
 enum TexfoldStatus texfold_gpu_info(const struct TexfoldGpu *gpu, struct TexfoldGpuInfo *info);
 
 // Describes a texture to upload.
 enum TexfoldStatus texfold_gpu_plane(const struct TexfoldGpu *gpu, uint32_t plane, struct TexfoldPlaneInfo *info);
 
-// Describes what to bind for an image.
+// Describes the bindings of an image.
 enum TexfoldStatus texfold_gpu_binding(const struct TexfoldGpu *gpu, uint32_t image, struct TexfoldBindingInfo *info);
 
 // Describes a texture in blocks.

@@ -39,10 +39,10 @@ pub struct Source {
     pub map: *const c_char,
 }
 
-/// Told of the stage of an encoder and the share that is done, 0 to 1, from one thread at a time. False cancels.
+/// A callback with the name of an encoder's stage and the share of the work that is done, 0 to 1; called from one thread at a time. False cancels.
 pub type Progress = Option<unsafe extern "C" fn(stage: *const c_char, done: f32, user: *mut c_void) -> bool>;
 
-/// How to encode. texfold_encode_options() has the usual values.
+/// Options of texfold_encode; texfold_encode_options() has the usual values.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct EncodeOptions {
@@ -58,7 +58,7 @@ pub struct EncodeOptions {
     pub metric: *const c_char,
     /// "block" or "texel"; null: whichever needs fewer bits.
     pub access: *const c_char,
-    /// Whether mip levels are stored.
+    /// True to store mip levels.
     pub mips: bool,
     /// Threads; 0 for as many as there are cores.
     pub threads: u32,
@@ -261,11 +261,8 @@ unsafe fn run(set: &ImageSet, options: &EncodeOptions) -> Outcome<Vec<u8>> {
     };
     let goal = name(options.goal, "goal")?.ok_or_else(|| Failure::null("goal"))?;
     let choice = match name(options.codec, "codec")? {
-        None | Some("auto") => Choice::auto(),
-        Some(codec) => Choice::named(codec).ok_or_else(|| {
-            let known = "auto, dct, bc, vq, epitome, progressive";
-            Failure::argument(format!("codec '{codec}'; give one of {known}"))
-        })?,
+        None => Choice::auto(),
+        Some(codec) => codec.parse()?,
     };
     let mut encoder =
         Encode::new(set).goal(Goal::named(goal, options.value)?).codec(choice).mips(options.mips);

@@ -1,8 +1,8 @@
-//! What a GPU needs to draw a texture, for any interface to it.
+//! Planes, parameters and decoding programs of a texture, for any interface to a GPU.
 
 use std::ffi::{CString, c_char};
 
-use texfold::core::{GpuDct, PlaneFormat};
+use texfold::core::GpuDct;
 use texfold_shaders::{DctChannel, DctEntry, DctProgram};
 
 use crate::status::{Failure, Outcome, guarded, kept, put, there};
@@ -45,7 +45,7 @@ pub struct Program {
     dispatches: Vec<Dispatch>,
 }
 
-/// What a texture consists of on a GPU. Pointers live as long as the object.
+/// Numbers of planes, images and blocks of a texture, and its parameters. Pointers live as long as the object.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct GpuInfo {
@@ -98,7 +98,7 @@ pub struct DecodedInfo {
     pub bits: u32,
 }
 
-/// What to bind to draw an image. Pointers live as long as the object.
+/// Bindings of an image. Pointers live as long as the object.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct BindingInfo {
@@ -154,9 +154,9 @@ pub struct Dispatch {
     pub level: u32,
     /// Workgroups.
     pub groups: [u32; 3],
-    /// Fill scratch memory with zeros before it.
+    /// True where scratch memory is filled with zeros before it.
     pub clears: bool,
-    /// Whether it is write_texels.
+    /// True of write_texels.
     pub writes: bool,
 }
 
@@ -184,23 +184,7 @@ pub struct ProgramInfo {
     pub dispatch_count: usize,
 }
 
-fn format_name(format: PlaneFormat) -> &'static str {
-    match format {
-        PlaneFormat::Rg8Uint => "rg8uint",
-        PlaneFormat::R32Uint => "r32uint",
-        PlaneFormat::Rgba32Uint => "rgba32uint",
-        PlaneFormat::R8Unorm => "r8unorm",
-        PlaneFormat::Rg8Unorm => "rg8unorm",
-        PlaneFormat::Rgba8Unorm => "rgba8unorm",
-        PlaneFormat::Bc1 => "bc1-rgba-unorm",
-        PlaneFormat::Bc3 => "bc3-rgba-unorm",
-        PlaneFormat::Bc4 => "bc4-r-unorm",
-        PlaneFormat::Bc5 => "bc5-rg-unorm",
-        PlaneFormat::Bc7 => "bc7-rgba-unorm",
-    }
-}
-
-/// What a texture consists of on a GPU.
+/// Copies the planes, parameters and blocks of a texture.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn texfold_gpu_new(texture: *const Texture, gpu: *mut *mut Gpu) -> Status {
     guarded(|| {
@@ -211,7 +195,7 @@ pub unsafe extern "C" fn texfold_gpu_new(texture: *const Texture, gpu: *mut *mut
             width: plane.width,
             height: plane.height,
             levels: plane.levels,
-            format: kept(format_name(plane.format)),
+            format: kept(plane.format.name()),
             data: plane.data.into_owned(),
         };
         let binding = |binding: texfold::core::ImageBinding| BindingKept {
@@ -254,7 +238,7 @@ pub unsafe extern "C" fn texfold_gpu_free(gpu: *mut Gpu) {
     }
 }
 
-/// Counts and parameters.
+/// Describes all of it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn texfold_gpu_info(gpu: *const Gpu, info: *mut GpuInfo) -> Status {
     guarded(|| {
@@ -300,7 +284,7 @@ pub unsafe extern "C" fn texfold_gpu_plane(gpu: *const Gpu, plane: u32, info: *m
     })
 }
 
-/// Describes what to bind for an image.
+/// Describes the bindings of an image.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn texfold_gpu_binding(gpu: *const Gpu, image: u32, info: *mut BindingInfo) -> Status {
     guarded(|| {
@@ -380,13 +364,8 @@ pub unsafe extern "C" fn texfold_program_new(
         let made = match region {
             None if (x, y) != (0, 0) => return Err(Failure::argument("x and y are of a region; give 0")),
             None => DctProgram::levels(&of.layout, channels, of.levels, max_scratch)?,
-            Some(&Region { image, level, x: left, y: top, width, height }) => {
-                let size = of.layout.size.at_level(level.min(31));
-                let extent = |given: u32, all: u32, first: u32| {
-                    if given == 0 { all.saturating_sub(first) } else { given }
-                };
-                let (width, height) = (extent(width, size.width, left), extent(height, size.height, top));
-                let rect = texfold::Rect { image, level, x: left, y: top, width, height };
+            Some(region) => {
+                let rect = region.within(of.layout.size.at_level(region.level.min(31)));
                 DctProgram::new(&of.layout, rect, channels, [x, y], max_scratch)?
             }
         };

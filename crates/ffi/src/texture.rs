@@ -3,6 +3,7 @@
 use std::ffi::{CString, c_char};
 use std::ptr;
 
+use texfold::core::ImageSize;
 use texfold::core::image::Depth;
 use texfold::{Alpha, AnyImage, AnyTexture, ColorSpace, Rect};
 
@@ -17,7 +18,7 @@ pub struct Texture {
     maps: Vec<(CString, CString)>,
 }
 
-/// What a file may take while it is opened.
+/// Limits of what opening a file allocates.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct Limits {
@@ -27,7 +28,7 @@ pub struct Limits {
     pub bytes: u64,
 }
 
-/// What a texture holds. Strings live as long as the texture.
+/// Description of a texture. Strings live as long as the texture.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct Info {
@@ -47,7 +48,7 @@ pub struct Info {
     pub resident_bytes: u64,
 }
 
-/// What an image of a texture is. Strings live as long as the texture.
+/// Description of an image of a texture. Strings live as long as the texture.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct ImageInfo {
@@ -92,19 +93,30 @@ pub struct Region {
 impl Region {
     /// The rectangle, which must lie in the texture.
     pub(crate) fn rect(self, texture: &AnyImage) -> Outcome<Rect> {
-        let Region { image, level, x, y, width, height } = self;
         let layout = texture.as_encoded().layout();
-        let whole =
-            layout.whole(image, level).unwrap_or(Rect { image, level, x: 0, y: 0, width: 0, height: 0 });
-        let extent =
-            |given: u32, all: u32, first: u32| if given == 0 { all.saturating_sub(first) } else { given };
-        let rect = Rect {
-            width: extent(width, whole.width, x),
-            height: extent(height, whole.height, y),
-            ..Rect { image, level, x, y, width, height }
-        };
+        let whole = layout.whole(self.image, self.level);
+        let size = whole.map_or(ImageSize { width: 0, height: 0 }, |Rect { width, height, .. }| ImageSize {
+            width,
+            height,
+        });
+        let rect = self.within(size);
         layout.check(rect)?;
         Ok(rect)
+    }
+
+    /// The rectangle in a level of that size; it may leave the level.
+    pub(crate) fn within(self, size: ImageSize) -> Rect {
+        let Region { image, level, x, y, width, height } = self;
+        let extent =
+            |given: u32, all: u32, first: u32| if given == 0 { all.saturating_sub(first) } else { given };
+        Rect {
+            image,
+            level,
+            x,
+            y,
+            width: extent(width, size.width, x),
+            height: extent(height, size.height, y),
+        }
     }
 }
 

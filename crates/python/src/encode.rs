@@ -115,11 +115,7 @@ impl Options {
     /// The encoder of images with these options.
     fn encoder<'s>(&self, set: &'s ImageSet) -> PyResult<Encode<'s>> {
         let Options { codec, effort, .. } = self;
-        let choice = if codec == "auto" { Some(Choice::auto()) } else { Choice::named(codec) };
-        let choice = choice.ok_or_else(|| {
-            let known = "auto, dct, bc, vq, epitome, progressive";
-            PyValueError::new_err(format!("codec '{codec}'; give one of {known}"))
-        })?;
+        let choice: Choice = named(codec)?;
         let goal = Goal::named(&self.goal, self.value);
         let goal = goal.map_err(|error| PyValueError::new_err(error.to_string()))?;
         let encoder = Encode::new(set).goal(goal).codec(choice).mips(self.mips);

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use texfold::core::container::Sections;
-use texfold::core::{Budget, GpuDct, GpuForm, Plane, PlaneFormat};
+use texfold::core::{Budget, GpuDct, GpuForm, Plane};
 use texfold::{AnyTexture, Encoded as _};
 use texfold_testkit::capture::{Look, sphere};
 
@@ -86,7 +86,7 @@ fn form_of(form: &GpuForm<'_>) -> Value {
 fn plane(plane: &Plane<'_>) -> Value {
     json!({
         "part": plane.part,
-        "format": format_of(plane.format),
+        "format": plane.format.name(),
         "width": plane.width,
         "height": plane.height,
         "levels": plane.levels,
@@ -127,23 +127,6 @@ fn blocks(blocks: &GpuDct<'_>) -> Value {
         "levels": blocks.levels,
         "row": blocks.row,
     })
-}
-
-/// A format by its name in WebGPU.
-fn format_of(format: PlaneFormat) -> &'static str {
-    match format {
-        PlaneFormat::Rg8Uint => "rg8uint",
-        PlaneFormat::R32Uint => "r32uint",
-        PlaneFormat::Rgba32Uint => "rgba32uint",
-        PlaneFormat::R8Unorm => "r8unorm",
-        PlaneFormat::Rg8Unorm => "rg8unorm",
-        PlaneFormat::Rgba8Unorm => "rgba8unorm",
-        PlaneFormat::Bc1 => "bc1-rgba-unorm",
-        PlaneFormat::Bc3 => "bc3-rgba-unorm",
-        PlaneFormat::Bc4 => "bc4-r-unorm",
-        PlaneFormat::Bc5 => "bc5-rg-unorm",
-        PlaneFormat::Bc7 => "bc7-rgba-unorm",
-    }
 }
 
 /// The first 8 bytes of the BLAKE3, as the package computes it: a number in hexadecimal digits, the first byte lowest.

@@ -43,7 +43,7 @@ impl Container {
     }
 }
 
-/// How texels are stored.
+/// Storage of texels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Texels {
     /// Blocks or plain texels of 8 bits a channel.
@@ -217,7 +217,7 @@ fn ktx2(
     zstd: bool,
 ) -> Result<Vec<u8>, String> {
     let (basic, type_size) = Basic::from_format(format).map_err(|error| format!("{error:?}"))?;
-    // The least common multiple of a block's bytes and 4, which all formats here are powers of; none where levels are compressed.
+    // The least common multiple of 4 and a block's bytes, a power of 2 in all formats here; 1 where levels are compressed.
     let alignment = if zstd { 1 } else { usize::from(basic.bytes_planes[0].max(1)).next_multiple_of(4) };
     let block = Block::Basic(basic).to_vec();
     let descriptor = [&(block.len() as u32 + 4).to_le_bytes()[..], &block].concat();

@@ -11,7 +11,7 @@ use super::lens::Lens;
 use crate::error::CliError;
 use crate::files;
 
-/// What the names of tables end in.
+/// End of the names of tables.
 const ENDING: &str = "_par.txt";
 /// Skew of pixels, over the focal length, that moves none.
 const LEAST_SKEW: f32 = 1e-5;

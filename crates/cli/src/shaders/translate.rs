@@ -303,7 +303,7 @@ impl Program {
     }
 }
 
-/// What naga writes above declarations.
+/// Line that naga writes above declarations.
 const PRECISION: &str = "precision highp int;\n";
 /// Functions of integers that GLSL ES has from 3.10 on, and those of floats of the same name.
 const INTEGERS: &str = "

@@ -2,12 +2,13 @@
 
 use std::any::Any;
 use std::fmt::Debug;
+use std::str::FromStr;
 use std::sync::Arc;
 
 use texfold_bc::{Bc1Blocks, Content, Family};
 use texfold_core::image::Raster;
 use texfold_core::mesh::UvMesh;
-use texfold_core::{Access, CodecId, Effort, Goal, Metric, ParamError, TextureCodec};
+use texfold_core::{Access, CodecId, Effort, Goal, Metric, NameError, ParamError, TextureCodec};
 
 use super::{ENCODINGS, Encoding, ImageEncoder};
 
@@ -69,6 +70,20 @@ impl EncodeSettings {
 /// Parameters of a codec.
 pub trait OwnParams: Any + Debug + Send + Sync {}
 impl<P: Any + Debug + Send + Sync> OwnParams for P {}
+
+impl FromStr for Choice {
+    type Err = NameError;
+
+    /// "auto", or the name of one of [`ENCODINGS`].
+    fn from_str(name: &str) -> Result<Choice, NameError> {
+        let choice = if name == "auto" { Some(Choice::auto()) } else { Choice::named(name) };
+        choice.ok_or_else(|| {
+            let known = std::iter::once("auto").chain(ENCODINGS.iter().map(|encoding| encoding.id.name));
+            let known = known.collect::<Vec<_>>().join(", ");
+            NameError { setting: "codec", found: name.to_owned(), known }
+        })
+    }
+}
 
 /// Which codec to use for images: one, or the one that answers the goal best.
 #[derive(Debug, Clone, Default)]

@@ -176,16 +176,18 @@ fn needless(tree: &str) -> impl Iterator<Item = &'static str> + '_ {
     NOT_FOR_DECODING.into_iter().filter(move |name| has(name))
 }
 
-/// The loader for Bevy, where the compiler suffices.
+/// The loader and the material for Bevy, where the compiler suffices.
 fn bevy() -> io::Result<bool> {
     let place = ["--manifest-path", "crates/bevy/Cargo.toml", "--target-dir", "target/bevy"];
     let clippy = [&["clippy", "--all-targets"], &place[..], &["--", "-D", "warnings"]].concat();
     Ok(succeeds(&clippy)? && succeeds(&[&["test"], &place[..]].concat())?)
 }
 
-/// Tests of the program with the features that take a C++ compiler or long to build.
+/// Tests of the program with the features that take a C++ compiler or long to build, and the other version of wgpu.
 fn features() -> io::Result<bool> {
-    succeeds(&["test", "--package", "texfold-cli", "--features", "astc,jxl"])
+    let older =
+        ["clippy", "--package", "texfold-gpu", "--no-default-features", "--features", "wgpu29,offscreen"];
+    Ok(succeeds(&["test", "--package", "texfold-cli", "--features", "astc,jxl"])? && succeeds(&older)?)
 }
 
 fn doc(full: bool) -> io::Result<bool> {

@@ -87,7 +87,7 @@ const ALLOWED: [Allowed; 25] = [
     Allowed {
         package: "gpu",
         numeric: true,
-        may: &["pollster", "range-alloc", "texfold-core", "texfold-shaders", "wgpu"],
+        may: &["pollster", "range-alloc", "texfold-core", "texfold-shaders", "wgpu", "wgpu29"],
     },
     Allowed {
         package: "cli",
@@ -189,11 +189,19 @@ const ALLOWED: [Allowed; 25] = [
         may: &[
             "bevy_app",
             "bevy_asset",
+            "bevy_color",
+            "bevy_ecs",
             "bevy_image",
+            "bevy_material",
+            "bevy_pbr",
             "bevy_reflect",
+            "bevy_render",
+            "bevy_shader",
             "serde",
             "texfold",
+            "texfold-gpu",
             "thiserror",
+            "tracing",
             "wgpu-types",
         ],
     },

@@ -1,5 +1,9 @@
-//! Texfold files as images of [Bevy](https://bevy.org): with [`TexfoldPlugin`], `asset_server.load("stone.txf")` gives a
-//! `Handle<Image>` with all stored mip levels.
+//! Texfold files in [Bevy](https://bevy.org), in two ways: decoded whole as images, for any material; or, with the feature `tiles`, compressed
+//! on the GPU, which decodes the tiles that are seen.
+//!
+//! # Images
+//!
+//! With [`TexfoldPlugin`], `asset_server.load("stone.txf")` gives a `Handle<Image>` with all stored mip levels.
 //!
 //! ```no_run
 //! use bevy_app::App;
@@ -11,21 +15,54 @@
 //! // base_color_texture: Some(asset_server.load("stone.txf#color")), normal_map_texture: Some(asset_server.load("stone.txf#normal"))
 //! ```
 //!
-//! Texels are decoded by the CPU while the asset is loaded, to 8 bits a channel (16 where the source has more), which is what they take on
-//! the GPU; the file is what is small. 16 bits a channel take a
-//! device with `TEXTURE_FORMAT_16BIT_NORM`. Images in sRGB have an sRGB format, as Bevy wants base colours. The maps of a material and the images of
-//! a set are labelled: maps by their kinds
-//! (their names where several are of a kind), images by their numbers ("stone.txf#normal", "walk.txf#3"); the asset itself is the first.
+//! The CPU decodes while the asset is loaded, to 8 bits a channel, or 16 where the source has more, which takes a device with
+//! `TEXTURE_FORMAT_16BIT_NORM`. Images in sRGB have an sRGB format, as Bevy wants base colours. The maps of a material and the images of a set
+//! are labelled: maps by their kinds (their names where several are of a kind), images by their numbers ("stone.txf#normal", "walk.txf#3");
+//! the asset itself is the first.
+//!
+//! # A cache of tiles
+//!
+//! With `TilePlugin`, the file itself is the asset, and a `TileMaterial` draws its maps under Bevy's lights. A pool of fixed size holds the decoded
+//! tiles; materials share it.
+//!
+//! ```no_run
+//! # #[cfg(feature = "tiles")]
+//! # mod example {
+//! use bevy::prelude::*;
+//! use texfold_bevy::{TileMaterial, TilePlugin};
+//!
+//! fn main() {
+//!     App::new().add_plugins((DefaultPlugins, TilePlugin::default())).add_systems(Startup, wall).run();
+//! }
+//!
+//! fn wall(
+//!     mut commands: Commands,
+//!     server: Res<AssetServer>,
+//!     mut meshes: ResMut<Assets<Mesh>>,
+//!     mut materials: ResMut<Assets<TileMaterial>>,
+//! ) {
+//!     let material = TileMaterial { file: server.load("stone.txf"), ..default() };
+//!     commands.spawn((Mesh3d(meshes.add(Cuboid::default())), MeshMaterial3d(materials.add(material))));
+//! }
+//! # }
+//! ```
+
+#[cfg(feature = "tiles")]
+mod tiles;
 
 use bevy_app::{App, Plugin};
 use bevy_asset::io::Reader;
-use bevy_asset::{AssetApp, AssetLoader, LoadContext, RenderAssetUsages};
+use bevy_asset::{AssetApp, AssetLoader, Assets, LoadContext, RenderAssetUsages};
 use bevy_image::Image;
 use bevy_reflect::TypePath;
 use serde::{Deserialize, Serialize};
 use texfold::core::ImageSize;
 use texfold::core::image::{Depth, ImageLayout, PixelInfo};
 use texfold::{AnyImage, AnyTexture, BytesError, ColorSpace, Limits, LoadError};
+#[cfg(feature = "tiles")]
+pub use texfold_gpu::TileOptions;
+#[cfg(feature = "tiles")]
+pub use tiles::{TexfoldFile, TexfoldFileLoader, TileMaterial, TilePlugin, Tiles};
 use wgpu_types::{Extent3d, TextureDimension, TextureFormat};
 
 /// Loads `.txf` files.
@@ -34,7 +71,11 @@ pub struct TexfoldPlugin;
 
 impl Plugin for TexfoldPlugin {
     fn build(&self, app: &mut App) {
-        app.init_asset::<Image>().register_asset_loader(TexfoldLoader);
+        // A second time would drop the images that plugins before have added.
+        if !app.world().contains_resource::<Assets<Image>>() {
+            app.init_asset::<Image>();
+        }
+        app.register_asset_loader(TexfoldLoader);
     }
 }
 
@@ -87,10 +128,7 @@ impl AssetLoader for TexfoldLoader {
         settings: &TexfoldSettings,
         context: &mut LoadContext<'_>,
     ) -> Result<Image, TexfoldError> {
-        let mut bytes = Vec::new();
-        reader.read_to_end(&mut bytes).await?;
-        let limits = Limits { bytes: settings.max_bytes, ..Limits::default() };
-        let texture = texfold::open_with(&bytes, &limits).and_then(AnyTexture::into_image)?;
+        let texture = read(reader, settings).await?;
         let layout = texture.as_encoded().layout().clone();
         let first = image(&texture, 0, settings)?;
         if layout.images.len() > 1 || !layout.maps.is_empty() {
@@ -105,6 +143,14 @@ impl AssetLoader for TexfoldLoader {
     fn extensions(&self) -> &[&str] {
         &["txf"]
     }
+}
+
+/// Opens the file of a reader.
+async fn read(reader: &mut dyn Reader, settings: &TexfoldSettings) -> Result<AnyImage, TexfoldError> {
+    let mut bytes = Vec::new();
+    reader.read_to_end(&mut bytes).await?;
+    let limits = Limits { bytes: settings.max_bytes, ..Limits::default() };
+    Ok(texfold::open_with(&bytes, &limits).and_then(AnyTexture::into_image)?)
 }
 
 /// The label of an image: the kind of a map, its name where others are of that kind, else its number.

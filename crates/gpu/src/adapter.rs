@@ -172,7 +172,7 @@ impl Gpu {
         if !self.wait_to_read(buffer) {
             return Err(GpuError::Lost);
         }
-        let view = buffer.get_mapped_range(..).map_err(|_| GpuError::Lost)?;
+        let view = mapped(buffer)?;
         let found = read(&view);
         drop(view);
         buffer.unmap();
@@ -227,4 +227,15 @@ fn rank(adapter: &Adapter) -> u32 {
         DeviceType::Other => 3,
         DeviceType::Cpu => 4,
     }
+}
+
+/// The bytes of a buffer that is mapped.
+///
+/// # Errors
+/// [`GpuError::Lost`] where it is not.
+pub(crate) fn mapped(buffer: &wgpu::Buffer) -> Result<wgpu::BufferView, GpuError> {
+    #[cfg(feature = "wgpu29")]
+    return Ok(buffer.get_mapped_range(..));
+    #[cfg(not(feature = "wgpu29"))]
+    buffer.get_mapped_range(..).map_err(|_| GpuError::Lost)
 }

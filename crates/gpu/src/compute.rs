@@ -65,7 +65,7 @@ pub(crate) fn uniform(dynamic_bytes: Option<u64>) -> BindingType {
     }
 }
 
-pub(crate) fn storage(read_only: bool) -> BindingType {
+pub(crate) const fn storage(read_only: bool) -> BindingType {
     BindingType::Buffer {
         ty: BufferBindingType::Storage { read_only },
         has_dynamic_offset: false,

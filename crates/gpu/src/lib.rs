@@ -15,8 +15,17 @@
 //! [`Gpu::update`] uploads again what changed of a file that arrives in pieces. With the feature `offscreen`, `Gpu` also draws without a
 //! window, reads pixels back (`Gpu::read_view`, `draw_quad`, `draw_mesh`, `draw_light`) and measures times.
 //!
+//! [`wgpu`] is version 30, and version 29 with the feature `wgpu29`.
+//!
 //! Software Vulkan (Mesa's lavapipe) serves where there is no GPU. *Not done*: planes larger than the device's texture
 //! limit, in several textures; uploads in the background.
+
+#[cfg(not(any(feature = "wgpu29", feature = "wgpu30")))]
+compile_error!("choose a version of wgpu: the feature wgpu30, which is on by default, or wgpu29");
+
+// Renderers have one version of wgpu or the other.
+#[cfg(feature = "wgpu29")]
+pub extern crate wgpu29 as wgpu;
 
 mod adapter;
 mod compute;
@@ -45,4 +54,5 @@ pub use texture::{AddressMode, GpuTexture};
 pub use tiles::tile_numbers;
 pub use tiles::{TileBytes, TileCache, TileLook, TileOptions, TileReport, TileTexture, TileUse, TileWatch};
 pub use update::Updated;
+#[cfg(not(feature = "wgpu29"))]
 pub use wgpu;

@@ -119,7 +119,7 @@ impl Gpu {
             bind_group_layouts: &[Some(textures), Some(&self.offscreen.job)],
             immediate_size: 0,
         });
-        let corners = [Some(CORNER_LAYOUT)];
+        let corners = [CORNER_LAYOUT.into()];
         self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("texfold"),
             layout: Some(&layout),

@@ -32,13 +32,13 @@ use range_alloc::RangeAllocator;
 use texfold_core::image::ColorSpace;
 use texfold_core::{Encoded, GpuDct, Image2d, ImageSize};
 use texfold_shaders::{DctChannel, ModuleInfo};
-use wgpu::{BindingResource, BufferUsages, CommandEncoder, Extent3d, Texture, TextureUsages};
+use wgpu::{BindingResource, BindingType, BufferUsages, CommandEncoder, Extent3d, Texture, TextureUsages};
 
 use crate::upload::PLAIN_MODULE;
 use crate::{AddressMode, Gpu, GpuError, GpuTexture, compute};
 use buffers::Buffers;
 pub use options::{TileLook, TileOptions, TileReport, TileTexture};
-use pipelines::{Pipelines, Resources, STEP_STRIDE, Source};
+use pipelines::{Drawn, Pipelines, Resources, STEP_STRIDE, Source};
 use rows::{
     CLAMP, COARSE, FEEDBACK_BYTES, INNER, MOST_LEVELS, MOST_TILES, PLANES, SIDE, SRGB, StageRow, TextureRow,
     tail_of,
@@ -251,6 +251,18 @@ impl TileCache {
     #[must_use]
     pub fn bind_group(&self) -> &wgpu::BindGroup {
         &self.pipelines.draw
+    }
+
+    /// The resources of [`TileCache::bind_group`] in the order of their bindings, from 0: for a group that holds a renderer's own behind them.
+    #[must_use]
+    pub fn bindings(&self) -> [BindingResource<'_>; 6] {
+        self.pipelines.drawn.bindings()
+    }
+
+    /// The types of [`TileCache::bindings`], which the fragment stage sees.
+    #[must_use]
+    pub fn binding_types() -> [BindingType; 6] {
+        Drawn::TYPES
     }
 
     /// Bytes of GPU memory of the whole cache: pool, streams, tables and scratch memory.

@@ -77,25 +77,41 @@ impl Resources<'_> {
     }
 
     /// Bindings of shaders that draw from the cache.
-    fn drawn(&self, device: &Device) -> (BindGroupLayout, BindGroup) {
+    fn drawn(&self, device: &Device) -> (BindGroupLayout, Drawn) {
+        let layout = layout(device, "tiles", ShaderStages::FRAGMENT, &Drawn::TYPES);
+        let drawn = Drawn {
+            buffers: [self.textures, self.pages, self.feedback].map(Buffer::clone),
+            views: [self.plain, self.srgb].map(TextureView::clone),
+            sampler: self.sampler.clone(),
+        };
+        (layout, drawn)
+    }
+}
+
+/// What shaders that draw from the cache bind.
+#[derive(Debug)]
+pub(super) struct Drawn {
+    buffers: [Buffer; 3],
+    views: [TextureView; 2],
+    sampler: Sampler,
+}
+
+impl Drawn {
+    /// Types of the bindings.
+    pub(super) const TYPES: [BindingType; 6] = {
         let texture = BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Float { filterable: true },
             view_dimension: TextureViewDimension::D2Array,
             multisampled: false,
         };
         let filtering = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
-        let types = [storage(true), storage(true), storage(false), texture, texture, filtering];
-        let layout = layout(device, "tiles", ShaderStages::FRAGMENT, &types);
-        let resources = [
-            self.textures.as_entire_binding(),
-            self.pages.as_entire_binding(),
-            self.feedback.as_entire_binding(),
-            BindingResource::TextureView(self.plain),
-            BindingResource::TextureView(self.srgb),
-            BindingResource::Sampler(self.sampler),
-        ];
-        let group = group(device, &layout, &resources);
-        (layout, group)
+        [storage(true), storage(true), storage(false), texture, texture, filtering]
+    };
+
+    pub(super) fn bindings(&self) -> [BindingResource<'_>; 6] {
+        let [textures, pages, feedback] = self.buffers.each_ref().map(Buffer::as_entire_binding);
+        let [plain, srgb] = self.views.each_ref().map(BindingResource::TextureView);
+        [textures, pages, feedback, plain, srgb, BindingResource::Sampler(&self.sampler)]
     }
 }
 
@@ -115,6 +131,7 @@ pub(super) struct Pipelines {
     pub(super) source_layout: BindGroupLayout,
     pub(super) draw_layout: BindGroupLayout,
     pub(super) draw: BindGroup,
+    pub(super) drawn: Drawn,
 }
 
 impl Pipelines {
@@ -141,7 +158,7 @@ impl Pipelines {
         let pass = |entry: &str| pipeline(device, &module, entry, &[Some(&decode_layout)]);
         let source = [storage(true), storage(true), target, uniform(None)];
         let source_layout = layout(device, "source of tiles", compute, &source);
-        let (draw_layout, draw) = with.drawn(device);
+        let (draw_layout, drawn) = with.drawn(device);
         Pipelines {
             plan: with.plan(device),
             clear: pass("clear_scratch"),
@@ -152,8 +169,9 @@ impl Pipelines {
             decode,
             output,
             source_layout,
+            draw: group(device, &draw_layout, &drawn.bindings()),
             draw_layout,
-            draw,
+            drawn,
         }
     }
 

@@ -7,6 +7,7 @@ use wgpu::{Buffer, BufferAsyncError, BufferUsages, MapMode};
 
 use super::rows::FEEDBACK_BYTES;
 use super::{TileCache, TileTexture};
+use crate::adapter::mapped;
 use crate::{Gpu, GpuError};
 
 /// Bytes of the feedback that are copied before the marks: the number of the frame, padded.
@@ -79,7 +80,7 @@ impl TileWatch {
             Ok(Ok(())) => {}
             Ok(Err(_)) | Err(TryRecvError::Disconnected) => return Err(GpuError::Lost),
         }
-        let view = self.copy.get_mapped_range(..).map_err(|_| GpuError::Lost)?;
+        let view = mapped(&self.copy)?;
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&view);
         drop(view);
         self.copy.unmap();

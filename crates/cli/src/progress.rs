@@ -49,7 +49,15 @@ pub(crate) enum Remark {
 
 impl Progress {
     pub(crate) fn new(inputs: usize) -> Self {
-        let has_bar = std::io::stderr().is_terminal() && !is_quiet();
+        Progress::made(inputs, std::io::stderr().is_terminal() && !is_quiet())
+    }
+
+    /// As lines alone, for commands whose other messages do not go through this.
+    pub(crate) fn lines(inputs: usize) -> Self {
+        Progress::made(inputs, false)
+    }
+
+    fn made(inputs: usize, has_bar: bool) -> Self {
         let target = if has_bar { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(Some(inputs as u64 * STEPS), target);
         let template = "{bar:30} {percent:>3}% {elapsed_precise}, {eta} left  {msg}";

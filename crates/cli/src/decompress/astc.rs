@@ -21,8 +21,7 @@ impl AstcSide {
         if is_srgb { srgb } else { linear }
     }
 
-    #[cfg(feature = "astc")]
-    fn texels(self) -> u32 {
+    pub(super) fn texels(self) -> u32 {
         match self {
             AstcSide::Four => 4,
             AstcSide::Six => 6,

@@ -16,7 +16,7 @@ use texfold_core::image::Raster;
 use texfold_core::metric::{decode_image, decode_rect};
 use texfold_core::{
     Budget, Encoded, Image2d, ImageLayout, ImageSize, Layers, Limits, MAX_IMAGE_SIDE, Rect, RegionError,
-    SourceError,
+    SourceError, Stage,
 };
 
 use crate::console::{complain, say, warn};
@@ -26,6 +26,7 @@ use crate::input::georeference::{Georeference, Part};
 use crate::input::samples::{Bands, MOST_CHANNELS};
 use crate::memory::load_fault;
 use crate::output::{make_folder, remove_stale, write_whole};
+use crate::progress::{Progress, Share};
 use crate::{bank, input};
 pub(crate) use gpu::Device;
 pub(crate) use picture::Picture;
@@ -87,8 +88,10 @@ pub(crate) fn run(args: &DecompressArgs) -> Result<usize, CliError> {
     }
     let outputs = planned.iter().flat_map(|plan| &plan.outputs);
     args.writing.check(outputs.map(|(_, output)| output.as_path()))?;
+    let progress = Progress::lines(planned.len());
     for plan in planned {
-        count(guarded(&plan.path, || decompress(&plan, args, device.as_ref())));
+        let share = progress.share(plan.path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
+        count(guarded(&plan.path, || decompress(&plan, args, device.as_ref(), &share)));
     }
     Ok(failed)
 }
@@ -172,17 +175,22 @@ fn decompress(
     Planned { path, outputs }: &Planned,
     args: &DecompressArgs,
     device: Option<&Device>,
+    share: &Share<'_>,
 ) -> Result<(), CliError> {
     let image = open(path, args)?;
     let encoded = image.as_encoded();
     warn_of_layers(path, args.writing.layers, encoded.layers());
     let uploaded = device.map(|device| device.upload(path, encoded)).transpose()?;
-    for (rect, output) in outputs {
+    for (number, (rect, output)) in outputs.iter().enumerate() {
+        let report = |done: f32| {
+            let done = (number as f32 + done) / outputs.len() as f32;
+            share.report(Stage { name: "decoding", done });
+        };
         if let Some(formats) = args.writing.texture() {
             if georeference(encoded, *rect).is_some() {
                 warn(&format!("{}: the georeference is left out; give --to tiff to keep it", path.display()));
             }
-            let file = texture::file(path, &image, *rect, formats, &args.writing.memory)?;
+            let file = texture::file(path, &image, *rect, formats, &args.writing.memory, &report)?;
             write_whole(output, &file)?;
             say(&format!("{}", output.display()));
             continue;
@@ -199,6 +207,8 @@ fn decompress(
                     None => on_cpu(path, &image, part, args)?,
                 };
                 picture.place_bands(further * MOST_CHANNELS, (0, part.y - rect.y), &raster);
+                let within = (part.y - rect.y + part.height) as f32 / rect.height.max(1) as f32;
+                report((f32::from(further) + within) / f32::from(joined.map_or(1, Bands::images)));
             }
         }
         picture.write(output)?;

@@ -16,8 +16,12 @@ use crate::console::warn;
 use crate::error::CliError;
 use crate::memory::{self, MemoryArgs};
 
-/// Bytes that a texel takes while it is encoded: as decoded, padded, and with all levels in its format and in the file.
-const BYTES_PER_TEXEL: u64 = 20;
+/// Rows that are decoded and encoded at a time: whole blocks of 4, 6 and 8 texels, and superblocks.
+const BAND_ROWS: u32 = 192;
+/// Texels of such a band, about; at least [`BAND_ROWS`] rows.
+const BAND_TEXELS: u32 = 1 << 20;
+/// Bytes that each of these texels takes: as decoded, as bytes, padded.
+const BAND_BYTES_PER_TEXEL: u64 = 28;
 /// Effort of Zstandard.
 const ZSTD_LEVEL: i32 = 12;
 /// Name of the writer, as KTX2 files have it.
@@ -52,6 +56,18 @@ pub(crate) enum Texels {
     Rgba16,
     /// Blocks of 16 bytes of so many texels a side.
     Astc(AstcSide),
+}
+
+impl Texels {
+    /// Bytes of an image.
+    fn bytes(self, (width, height): (u32, u32)) -> u64 {
+        let (side, bytes) = match self {
+            Texels::Plane(format) => (format.block_side(), format.block_bytes()),
+            Texels::Rgba16 => (1, 8),
+            Texels::Astc(side) => (side.texels(), 16),
+        };
+        u64::from(width.div_ceil(side)) * u64::from(height.div_ceil(side)) * u64::from(bytes)
+    }
 }
 
 /// Formats of a texture.
@@ -139,6 +155,7 @@ pub(super) fn file(
     rect: Rect,
     Formats { texels, container, zstd }: Formats,
     memory: &MemoryArgs,
+    report: &dyn Fn(f32),
 ) -> Result<Vec<u8>, CliError> {
     let layout = image.as_encoded().layout();
     let pixel = layout.pixel_of(rect.image);
@@ -146,7 +163,6 @@ pub(super) fn file(
     let fault = |what: String| CliError::Texture { path: path.to_owned(), what };
     let formats = names(texels, pixel.color == ColorSpace::Srgb);
     let (vulkan, dxgi) = formats.ok_or_else(|| fault("not a format of textures".to_owned()))?;
-    memory::check(path, u64::from(rect.width) * u64::from(rect.height) * BYTES_PER_TEXEL, memory.bytes())?;
     let levels = layout.levels.min(layout.images[rect.image as usize].full_levels());
     let mut levels: Vec<Rect> = (rect.level..levels.max(rect.level + 1))
         .filter_map(|level| layout.whole(rect.image, level))
@@ -154,8 +170,22 @@ pub(super) fn file(
     if levels.first() != Some(&rect) {
         levels = vec![rect];
     }
-    let encode = |level: &Rect| encoded(path, image, *level, (texels, pixel));
-    let data = levels.iter().map(encode).collect::<Result<Vec<_>, _>>()?;
+    // Levels, and the file of them.
+    let stored: u64 = levels.iter().map(|level| 2 * texels.bytes((level.width, level.height))).sum();
+    let band = u64::from(rect.width) * u64::from(band_rows(rect).min(rect.height)) * BAND_BYTES_PER_TEXEL;
+    memory::check(path, stored + band, memory.bytes())?;
+    let all: u64 = levels.iter().map(|level| u64::from(level.width) * u64::from(level.height)).sum();
+    let mut done = 0;
+    let mut data = Vec::new();
+    for level in levels {
+        let mut blocks = Vec::new();
+        for band in bands(level) {
+            blocks.extend(encoded(path, image, band, (texels, pixel))?);
+            done += u64::from(band.width) * u64::from(band.height);
+            report(done as f32 / all.max(1) as f32);
+        }
+        data.push(blocks);
+    }
     let is_cut = !rect.width.is_multiple_of(4) || !rect.height.is_multiple_of(4);
     let is_plain = matches!(texels, Texels::Rgba16 | Texels::Plane(PlaneFormat::Rgba8Unorm));
     if container == Container::Dds && is_cut && !is_plain {
@@ -171,25 +201,37 @@ pub(super) fn file(
     written.map_err(fault)
 }
 
-/// A level in its format.
+/// Rows of the bands of a level.
+fn band_rows(level: Rect) -> u32 {
+    (BAND_TEXELS / level.width.max(1) / BAND_ROWS).max(1) * BAND_ROWS
+}
+
+/// A level in bands of whole rows of blocks.
+fn bands(level: Rect) -> impl Iterator<Item = Rect> {
+    let rows = band_rows(level);
+    let band = move |top: u32| Rect { y: level.y + top, height: rows.min(level.height - top), ..level };
+    (0..level.height).step_by(rows as usize).map(band)
+}
+
+/// A band of a level in its format.
 fn encoded(
     path: &Path,
     image: &AnyImage,
-    level: Rect,
+    band: Rect,
     (texels, pixel): (Texels, PixelInfo),
 ) -> Result<Vec<u8>, CliError> {
-    let (width, height) = (level.width as usize, level.height as usize);
+    let (width, height) = (band.width as usize, band.height as usize);
     let failed = |source: BytesError| match source {
         BytesError::Region(source) => CliError::Region { path: path.to_owned(), source },
         other => CliError::Texture { path: path.to_owned(), what: other.to_string() },
     };
     if texels == Texels::Rgba16 {
         let mut rgba = vec![0u16; 4 * width * height];
-        image.decode_rgba16(level, &mut rgba, 4 * width).map_err(failed)?;
+        image.decode_rgba16(band, &mut rgba, 4 * width).map_err(failed)?;
         return Ok(rgba.into_iter().flat_map(u16::to_le_bytes).collect());
     }
     let mut rgba = vec![0; 4 * width * height];
-    image.decode_rgba8(level, &mut rgba, 4 * width).map_err(failed)?;
+    image.decode_rgba8(band, &mut rgba, 4 * width).map_err(failed)?;
     let (pixels, _) = rgba.as_chunks_mut::<4>();
     if texels == Texels::Plane(PlaneFormat::Bc5) && pixel.channels == 2 {
         pixels.iter_mut().for_each(|texel| texel[1] = texel[3]);
@@ -202,9 +244,9 @@ fn encoded(
         Texels::Astc(side) => {
             let is_srgb = pixel.color == ColorSpace::Srgb;
             let fault = |what| CliError::Texture { path: path.to_owned(), what };
-            astc::encode(side, (level.width, level.height), &mut rgba, is_srgb).map_err(fault)
+            astc::encode(side, (band.width, band.height), &mut rgba, is_srgb).map_err(fault)
         }
-        Texels::Plane(format) => Ok(encode_plane(format, level.width, level.height, &rgba, Effort::Normal)),
+        Texels::Plane(format) => Ok(encode_plane(format, band.width, band.height, &rgba, Effort::Normal)),
         Texels::Rgba16 => Ok(rgba),
     }
 }
@@ -272,4 +314,26 @@ fn dds((width, height): (u32, u32), format: DxgiFormat, levels: &[Vec<u8>]) -> R
     DdsHeader::from(header).write(&mut file).map_err(|error| error.to_string())?;
     levels.iter().for_each(|level| file.extend(level));
     Ok(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bands_are_a_level_in_whole_blocks() {
+        for (width, height) in [(1, 1), (300, 20_000), (4096, 4095), (1 << 24, 500)] {
+            let level = Rect { image: 0, level: 1, x: 3, y: 5, width, height };
+            let bands: Vec<Rect> = bands(level).collect();
+            assert_eq!(bands.iter().map(|band| band.height).sum::<u32>(), height);
+            let mut next = level.y;
+            for band in &bands {
+                assert_eq!(*band, Rect { y: next, height: band.height, ..level });
+                next += band.height;
+            }
+            let (_, before) = bands.split_last().unwrap();
+            assert!(before.iter().all(|band| [4, 6, 8].iter().all(|side| band.height.is_multiple_of(*side))));
+        }
+        assert!(bands(Rect { image: 0, level: 0, x: 0, y: 0, width: 4096, height: 4096 }).count() > 10);
+    }
 }

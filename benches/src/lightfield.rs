@@ -24,7 +24,7 @@ use texfold::{
     },
 };
 use texfold_benches::report::{Outcome, Table, cpu_seconds};
-use texfold_chart::{Axis, Chart, Kind, LARGE, Point, Scale, Series};
+use texfold_chart::{Axis, Chart, Kind, LARGE, Names, Point, Scale, Series};
 use texfold_gpu::{Gpu, Policy};
 use views::{Closeness, closeness, nearest_photograph};
 
@@ -239,7 +239,7 @@ impl Bench {
             across: Axis { label: "kB", scale: Scale::Doublings(LEAST_KILOBYTES) },
             up: Axis { label: "dB", scale: Scale::Linear },
             size: LARGE,
-            names_below: false,
+            names: Names::Above,
             series,
         };
         std::fs::write(self.out.join("lightfield.svg"), chart.svg())?;

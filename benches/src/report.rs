@@ -4,7 +4,8 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use texfold::core::image::Raster;
-use texfold_chart::{Axis, Chart, Kind, SMALL, Scale, Series};
+use texfold_chart::{Axis, Chart, Kind, Names, SMALL, Scale, Series};
+pub use texfold_cli::cpu_seconds;
 
 /// What a bench may fail with.
 pub type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -54,18 +55,6 @@ pub fn images_of(path: &Path) -> Outcome<Vec<PathBuf>> {
     let mut images: Vec<PathBuf> = entries.iter().map(|entry| entry.path()).filter(is_image).collect();
     images.sort();
     Ok(images)
-}
-
-/// CPU seconds that this process has used, all threads together, and programs that it has started and waited for, to a hundredth of a
-/// second; 0 where the system has no `/proc`.
-#[must_use]
-pub fn cpu_seconds() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // Fields 14 to 17, counted after the name, which may hold anything but ends with the last bracket.
-    let after = stat.rsplit(')').next().unwrap_or_default();
-    let ticks: f64 =
-        after.split_whitespace().skip(11).take(4).filter_map(|field| field.parse::<f64>().ok()).sum();
-    ticks / 100.0
 }
 
 /// RMS error in percent of the full range, as the paper gives it.
@@ -127,6 +116,6 @@ pub fn chart(path: &Path, title: &str, [across, up]: [(&str, Scale); 2], lines: 
         points: points.iter().map(|&point| point.into()).collect(),
     });
     let series = series.collect();
-    let chart = Chart { title, across: axis(across), up: axis(up), size: SMALL, names_below: false, series };
+    let chart = Chart { title, across: axis(across), up: axis(up), size: SMALL, names: Names::Above, series };
     Ok(std::fs::write(path, chart.svg())?)
 }

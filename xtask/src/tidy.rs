@@ -106,6 +106,8 @@ const ALLOWED: [Allowed; 25] = [
             "gltf",
             "image",
             "indicatif",
+            // A texture of JPEG, beside which ours are compared.
+            "jpeg-encoder",
             "jxl-oxide",
             "ktx2",
             "moxcms",

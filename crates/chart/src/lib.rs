@@ -1,6 +1,7 @@
 //! Charts as SVG: series of points over two axes, each with its name at the right in its colour.
 //!
-//! A chart stands alone or in a page, has colours for light and for dark pages, and needs no script.
+//! A chart stands alone or in a page, has colours for light and for dark pages, and needs no script. Several charts of the same series may
+//! share a [`legend`], with which a page switches them.
 
 mod axis;
 mod names;
@@ -14,6 +15,8 @@ use axis::Span;
 pub const LARGE: (f64, f64) = (860.0, 520.0);
 /// Size of other charts.
 pub const SMALL: (f64, f64) = (640.0, 360.0);
+/// Size of charts whose names stand outside of them, readable on a screen of 400 pixels.
+pub const NARROW: (f64, f64) = (480.0, 340.0);
 
 /// Room around the points; at the right there is room for names.
 const LEFT: f64 = 52.0;
@@ -97,6 +100,17 @@ pub struct Axis<'c> {
     pub scale: Scale,
 }
 
+/// Where the names of series and of points stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Names {
+    /// At the right of the chart; those of points below them where there is room.
+    Below,
+    /// At the right of the chart; those of points above them where there is room.
+    Above,
+    /// In a [`legend`], and those of points where they are pointed at.
+    Outside,
+}
+
 /// A chart.
 #[derive(Debug, Clone)]
 pub struct Chart<'c> {
@@ -108,8 +122,8 @@ pub struct Chart<'c> {
     pub up: Axis<'c>,
     /// Width and height in SVG units.
     pub size: (f64, f64),
-    /// Whether names of points stand below them where there is room, else above.
-    pub names_below: bool,
+    /// Where names stand.
+    pub names: Names,
     /// What is drawn.
     pub series: Vec<Series>,
 }
@@ -120,8 +134,10 @@ impl Chart<'_> {
     pub fn svg(&self) -> String {
         let (width, height) = self.size;
         let points = || self.series.iter().flat_map(|series| &series.points);
-        let edge = width - 16.0 - width_of(self.series.iter().map(|series| &series.name));
-        let right = edge - width_of(points().map(|point| &point.name));
+        let is_named = self.names != Names::Outside;
+        let room = |names: f64| if is_named { names } else { 0.0 };
+        let edge = width - 20.0 - room(width_of(self.series.iter().map(|series| &series.name)));
+        let right = edge - room(width_of(points().map(|point| &point.name)));
         let across = Span::of(points().map(|point| point.x), self.across.scale, (LEFT, right));
         let up = Span::of(points().map(|point| point.y), self.up.scale, (height - BOTTOM, TOP));
         let mut text = format!(
@@ -146,8 +162,10 @@ impl Chart<'_> {
         for series in &self.series {
             draw(&mut text, series, (&across, &up));
         }
-        self.name_series(&mut text, &up, edge + 8.0);
-        self.name_points(&mut text, (&across, &up));
+        if is_named {
+            self.name_series(&mut text, &up, edge + 8.0);
+            self.name_points(&mut text, (&across, &up));
+        }
         text + "</svg>"
     }
 
@@ -179,7 +197,7 @@ impl Chart<'_> {
         let places: Vec<(i32, i32)> = named.iter().map(|(_, point)| at(point)).collect();
         let words: Vec<&str> = named.iter().map(|(_, point)| point.name.as_str()).collect();
         let ends = (LEFT as i32, (self.size.1 - BOTTOM) as i32);
-        let corners = names::place(&places, &words, self.names_below, ends);
+        let corners = names::place(&places, &words, self.names == Names::Below, ends);
         for ((series, point), (x, y)) in named.iter().zip(corners) {
             label(text, (&class(series), f64::from(x), f64::from(y + names::FONT - 2)), &point.name);
         }
@@ -189,6 +207,7 @@ impl Chart<'_> {
 fn draw(text: &mut String, series: &Series, (across, up): (&Span, &Span)) {
     let at = |point: &Point| (across.place(point.x), up.place(point.y));
     let class = class(series);
+    let _ = write!(text, "<g data-series=\"{}\">", escaped(&series.name));
     if series.kind != Kind::Marks {
         let path: Vec<String> = series.points.iter().map(at).map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
         let dashes = if series.kind == Kind::Dashed { " stroke-dasharray=\"5 4\"" } else { "" };
@@ -206,7 +225,31 @@ fn draw(text: &mut String, series: &Series, (across, up): (&Span, &Span)) {
             short(point.x)
         );
     }
+    text.push_str("</g>");
 }
+
+/// Buttons with the names of series in their colours, as HTML: [`SCRIPT`] switches series with them.
+#[must_use]
+pub fn legend(series: &[Series]) -> String {
+    let mut text = format!("<div class=\"legend chart\"><style>{}</style>", style());
+    for series in series {
+        let mark = match series.kind {
+            Kind::Line => "\u{2500}",
+            Kind::Dashed => "\u{254c}",
+            Kind::Marks | Kind::Both => "\u{25cf}",
+        };
+        let name = escaped(&series.name);
+        let _ = write!(
+            text,
+            "<button type=\"button\" aria-pressed=\"true\" data-series=\"{name}\"><span class=\"{}\">{mark}</span> {name}</button>",
+            class(series)
+        );
+    }
+    text + "</div>"
+}
+
+/// The script of a page with charts and a [`legend`]: buttons switch series; what is pointed at is named in the `output` behind its chart.
+pub const SCRIPT: &str = include_str!("legend.js");
 
 /// Width of the longest of these names, at most.
 fn width_of<'n>(names: impl Iterator<Item = &'n String>) -> f64 {
@@ -274,7 +317,8 @@ mod tests {
         };
         let axis = Axis { label: "units", scale: Scale::Linear };
         let series = (0..6).map(series).collect();
-        let chart = Chart { title: "a < b", across: axis, up: axis, size: SMALL, names_below: false, series };
+        let chart =
+            Chart { title: "a < b", across: axis, up: axis, size: SMALL, names: Names::Above, series };
         let text = chart.svg();
         assert!(text.contains("a &lt; b") && text.matches(" hollow\"").count() == 8);
         let figures = |name: &str| -> Vec<f64> {

@@ -31,6 +31,8 @@ pub(crate) enum UsageError {
     Setting { source: texfold_core::ParamError },
     #[error("--{option} {value} is outside {range}; give a value in that range")]
     Range { option: &'static str, value: String, range: &'static str },
+    #[error("--suite {name}: {reason}")]
+    Suite { name: String, reason: String },
     #[error("{} names more than one goal; give one of psnr, bpp, tolerance and degrees", path.display())]
     TwoGoals { path: PathBuf },
     #[error("{}: the configuration cannot be read; check the path", path.display())]

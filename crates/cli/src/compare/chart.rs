@@ -1,130 +1,182 @@
-//! Charts of means.
+//! Charts of means: curves of series over bits, and what a series costs at equal bits.
 
-use texfold::encoding::ENCODINGS;
-use texfold_chart::{Chart, Kind, LARGE, Point, Scale, Series};
+use texfold_chart::{Chart, Kind, NARROW, Names, Point, Scale, Series};
 
-use super::candidate::RIVAL;
+use super::curve::Curve;
 use super::storage;
-use super::table::{Row, front};
+use super::table::Row;
 
 /// PSNR above which a point is drawn at the edge: lossless results would flatten all others.
-const CEILING_DB: f64 = 60.0;
+pub(super) const CEILING_DB: f64 = 60.0;
+
+/// Bits a texel at which speeds are compared.
+pub(super) const EQUAL_BPP: f64 = 2.0;
+
+/// A figure of quality, better where it is larger.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Quality {
+    pub(super) name: &'static str,
+    label: &'static str,
+    pub(super) value: fn(&Row) -> Option<f64>,
+}
+
+pub(super) const PSNR: Quality =
+    Quality { name: "PSNR", label: "PSNR in dB", value: |row| Some(row.psnr.min(CEILING_DB)) };
+pub(super) const PERCEIVED: Quality =
+    Quality { name: "SSIMULACRA2", label: "SSIMULACRA2", value: |row| row.ssimulacra2 };
 
 /// A figure on the horizontal axis.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Axis {
-    pub(crate) title: &'static str,
-    pub(crate) label: &'static str,
-    pub(crate) value: fn(&Row) -> Option<f64>,
-    /// What the ticks are powers of two of.
-    pub(crate) unit: f64,
-    pub(crate) smaller_is_better: bool,
+struct Across {
+    title: &'static str,
+    label: &'static str,
+    value: fn(&Row) -> Option<f64>,
+    /// What ticks are powers of two of.
+    unit: f64,
+    /// Whether it is compared at [`EQUAL_BPP`] alone.
+    is_at_equal_bits: bool,
 }
 
-/// A figure on the vertical axis, better where it is larger.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Quality {
-    pub(crate) name: &'static str,
-    pub(crate) label: &'static str,
-    pub(crate) value: fn(&Row) -> Option<f64>,
-}
+const CHARTS: [(Across, Quality); 8] = [
+    (HELD, PSNR),
+    (HELD, PERCEIVED),
+    (STORED, PSNR),
+    (DECODED, PSNR),
+    (ENCODING, PSNR),
+    (ENCODING, PERCEIVED),
+    (CPU, PSNR),
+    (GPU, PSNR),
+];
 
-const PSNR: Quality = Quality {
-    name: "PSNR",
-    label: "PSNR in dB, mean over inputs",
-    value: |row| Some(row.psnr.min(CEILING_DB)),
+const HELD: Across = Across {
+    title: "Compressed size",
+    label: "bits a texel, compressed",
+    value: |row| Some(row.bpp_memory),
+    unit: 1.0,
+    is_at_equal_bits: false,
 };
-const PERCEIVED: Quality =
-    Quality { name: "SSIMULACRA2", label: "SSIMULACRA2, mean over inputs", value: |row| row.ssimulacra2 };
+const STORED: Across =
+    Across { title: "Files", label: "bits a texel, on disk", value: |row| Some(row.bpp_disk), ..HELD };
+const DECODED: Across = Across {
+    title: "GPU memory decoded whole",
+    label: "bits of GPU memory a texel, decoded whole",
+    value: |row| Some(row.bpp_resident),
+    ..HELD
+};
+const ENCODING: Across = Across {
+    title: "Encoding at 2 bits",
+    label: "CPU seconds a megatexel",
+    value: Row::cpu_seconds_a_megatexel,
+    unit: 1.0,
+    is_at_equal_bits: true,
+};
+const CPU: Across = Across {
+    title: "Decoding at 2 bits on one CPU thread",
+    label: "texels decoded a second",
+    value: |row| row.decode_cpu_texels_per_second,
+    unit: 1e6,
+    is_at_equal_bits: true,
+};
+const GPU: Across =
+    Across { title: "Decoding at 2 bits on the GPU", value: |row| row.decode_gpu_texels_per_second, ..CPU };
 
-/// The charts of a report.
-pub(crate) const CHARTS: [(Axis, Quality); 6] = [
-    (AXES[0], PSNR),
-    (AXES[0], PERCEIVED),
-    (AXES[1], PSNR),
-    (AXES[2], PSNR),
-    (AXES[3], PSNR),
-    (AXES[4], PSNR),
-];
+/// The settings of a series.
+#[derive(Debug)]
+pub(super) struct Line<'r> {
+    pub(super) name: &'r str,
+    pub(super) rows: Vec<&'r Row>,
+}
 
-const AXES: [Axis; 5] = [
-    Axis {
-        title: "Compressed size",
-        label: "bits per texel, compressed",
-        value: |row| Some(row.bpp_memory),
-        unit: 1.0,
-        smaller_is_better: true,
-    },
-    Axis {
-        title: "GPU memory decoded whole",
-        label: "bits of GPU memory per texel, decoded whole",
-        value: |row| Some(row.bpp_resident),
-        unit: 1.0,
-        smaller_is_better: true,
-    },
-    Axis {
-        title: "Speed of encoding",
-        label: "texels encoded per second",
-        value: |row| Some(row.encode_texels_per_second()),
-        unit: 1e6,
-        smaller_is_better: false,
-    },
-    Axis {
-        title: "Speed of decoding on one CPU thread",
-        label: "texels decoded per second, CPU",
-        value: |row| row.decode_cpu_texels_per_second,
-        unit: 1e6,
-        smaller_is_better: false,
-    },
-    Axis {
-        title: "Speed of decoding on the GPU",
-        label: "texels decoded per second, GPU",
-        value: |row| row.decode_gpu_texels_per_second,
-        unit: 1e6,
-        smaller_is_better: false,
-    },
-];
+impl Line<'_> {
+    pub(super) fn curve(&self, quality: Quality) -> Curve {
+        Curve::new(self.rows.iter().filter_map(|row| Some((row.bpp_memory, (quality.value)(row)?))))
+    }
 
-/// The chart; `None` where no row has the figure.
-pub(crate) fn svg(means: &[Row], axis: Axis, quality: Quality) -> Option<String> {
-    let place = |row: &Row| {
-        let x = (axis.value)(row).filter(|&value| value > 0.0)?;
-        Some(Point { x, y: (quality.value)(row)?, hollow: false, name: row.settings.clone() })
-    };
-    let placed: Vec<(&Row, Point)> = means.iter().filter_map(|row| Some((row, place(row)?))).collect();
-    // Of files for storage no part can be read alone: they are beside the front.
-    let at_random = placed.iter().filter(|(row, _)| row.random_access == 1);
-    let compared: Vec<(f64, f64)> = at_random.map(|(_, point)| (point.x, point.y)).collect();
-    let best = front(&compared, axis.smaller_is_better);
-    let mut series = vec![Series {
-        name: "Pareto front".to_owned(),
-        colour: None,
-        kind: Kind::Line,
-        points: best.iter().map(|&index| compared[index].into()).collect(),
-    }];
-    let codecs = ENCODINGS.iter().map(|encoding| encoding.id.name).chain([RIVAL]);
-    series.extend(codecs.enumerate().map(|(index, codec)| Series {
-        name: codec.to_owned(),
-        colour: Some(index),
-        kind: Kind::Marks,
-        points: placed.iter().filter(|(row, _)| row.codec == codec).map(|(_, point)| point.clone()).collect(),
-    }));
-    let lines = storage::names().map(|name| {
-        let of_format = placed.iter().filter(|(row, _)| row.codec == name);
-        let mut points: Vec<Point> = of_format.map(|(_, point)| (point.x, point.y).into()).collect();
-        if let Some(last) = points.last_mut() {
-            name.clone_into(&mut last.name);
+    /// A figure at [`EQUAL_BPP`], between the settings beside it by the logarithms of both.
+    fn at_equal_bits(&self, value: fn(&Row) -> Option<f64>) -> Option<f64> {
+        let mut points: Vec<(f64, f64)> = self
+            .rows
+            .iter()
+            .filter_map(|row| Some((row.bpp_memory.log2(), value(row).filter(|value| *value > 0.0)?.log2())))
+            .collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let place = EQUAL_BPP.log2();
+        let next = points.iter().position(|point| point.0 >= place)?;
+        let ((x0, y0), (x1, y1)) = (points[next.checked_sub(1).unwrap_or(next)], points[next]);
+        if next == 0 && x1 > place {
+            return None;
         }
-        Series { name: String::new(), colour: None, kind: Kind::Dashed, points }
-    });
-    series.extend(lines);
-    let chart = Chart {
-        title: &format!("{} and {}", axis.title, quality.name),
-        across: texfold_chart::Axis { label: axis.label, scale: Scale::Doublings(axis.unit) },
-        up: texfold_chart::Axis { label: quality.label, scale: Scale::Linear },
-        size: LARGE,
-        names_below: axis.smaller_is_better,
-        series,
+        let share = if x1 > x0 { (place - x0) / (x1 - x0) } else { 1.0 };
+        Some((y0 + (y1 - y0) * share).exp2())
+    }
+}
+
+/// The series of rows, in the order of their first appearance.
+pub(super) fn lines(rows: &[Row]) -> Vec<Line<'_>> {
+    let mut lines: Vec<Line<'_>> = Vec::new();
+    for row in rows {
+        match lines.iter_mut().find(|line| line.name == row.series) {
+            Some(line) => line.rows.push(row),
+            None => lines.push(Line { name: &row.series, rows: vec![row] }),
+        }
+    }
+    lines
+}
+
+/// The settings that most inputs have: means over others are of other images.
+pub(super) fn comparable(means: &[Row]) -> Vec<Row> {
+    let most = means.iter().map(|row| row.inputs).max();
+    means.iter().filter(|row| Some(row.inputs) == most).cloned().collect()
+}
+
+/// A legend of all series, and the charts that have points.
+pub(super) fn svgs(means: &[Row]) -> (String, Vec<String>) {
+    let lines = lines(means);
+    let drawn: Vec<Vec<Series>> =
+        CHARTS.iter().map(|&(across, quality)| series(&lines, across, quality)).collect();
+    let legend = texfold_chart::legend(&drawn[0]);
+    let charts =
+        CHARTS.iter().zip(drawn).filter(|(_, series)| series.iter().any(|series| !series.points.is_empty()));
+    let svg = |(&(across, quality), series): (&(Across, Quality), Vec<Series>)| {
+        let title = format!("{} and {}", across.title, quality.name);
+        let scale = Scale::Doublings(across.unit);
+        Chart {
+            title: &title,
+            across: texfold_chart::Axis { label: across.label, scale },
+            up: texfold_chart::Axis { label: quality.label, scale: Scale::Linear },
+            size: NARROW,
+            names: Names::Outside,
+            series,
+        }
+        .svg()
     };
-    (!placed.is_empty()).then(|| chart.svg())
+    (legend, charts.map(svg).collect())
+}
+
+/// The series of a chart, and the front of what no other setting beats, of series whose texels are read at random.
+fn series(lines: &[Line<'_>], across: Across, quality: Quality) -> Vec<Series> {
+    let mut all = Vec::new();
+    for (index, line) in lines.iter().enumerate() {
+        let is_stored = storage::names().any(|name| name == line.name);
+        let (kind, mut points) = if across.is_at_equal_bits {
+            let point = line.at_equal_bits(across.value).zip(line.curve(quality).quality_at(EQUAL_BPP));
+            (Kind::Marks, point.into_iter().map(|(x, y)| Point { x, y, ..Point::default() }).collect())
+        } else {
+            let place = |row: &&Row| {
+                let x = (across.value)(row).filter(|value| *value > 0.0)?;
+                Some(Point { x, y: (quality.value)(row)?, hollow: is_stored, name: row.settings.clone() })
+            };
+            (Kind::Both, line.rows.iter().filter_map(place).collect::<Vec<_>>())
+        };
+        points.sort_by(|a, b| a.x.total_cmp(&b.x));
+        all.push(Series { name: line.name.to_owned(), colour: Some(index), kind, points });
+    }
+    if !across.is_at_equal_bits {
+        let at_random = lines.iter().flat_map(|line| &line.rows).filter(|row| row.random_access == 1);
+        let front =
+            Curve::new(at_random.filter_map(|row| Some(((across.value)(row)?, (quality.value)(row)?))));
+        let points = front.points().map(Point::from).collect();
+        all.insert(0, Series { name: "Pareto front".to_owned(), colour: None, kind: Kind::Dashed, points });
+    }
+    all
 }

@@ -14,8 +14,10 @@ use texfold_core::{CodecId, Domain, EncodeError, Encoded, Image2d, Job, Metric, 
 use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};
 
 use super::candidate::{Candidate, Way};
+use super::jpeg;
 use super::rival::{Astcenc, Coded};
 use super::storage::{File, Storage};
+use super::suite::{AstcPreset, Suite};
 use super::table::Row;
 use crate::config::EffortName;
 use crate::error::CliError;
@@ -29,15 +31,13 @@ const GPU_SECONDS: f64 = 0.1;
 /// Most drawings on the GPU.
 const GPU_DRAWINGS: f64 = 200.0;
 
-/// The preset of `astcenc` between speed and quality.
-const ASTC_PRESET: &str = "-medium";
-
 /// What measuring needs.
 #[derive(Debug)]
 pub(crate) struct Bench {
     effort: EffortName,
     gpu: Option<Gpu>,
     astcenc: Option<Astcenc>,
+    astc_preset: AstcPreset,
     storage: Option<Vec<Storage>>,
     /// One thread, for the speed of decoding.
     single: Option<rayon::ThreadPool>,
@@ -47,8 +47,8 @@ pub(crate) struct Bench {
 #[derive(Debug)]
 pub(crate) struct Measured {
     pub(crate) row: Row,
-    /// The first image, decoded.
-    pub(crate) decoded: Raster,
+    /// The first image, decoded; not of rows that were kept without it.
+    pub(crate) decoded: Option<Raster>,
     /// The `.txf` file; none of the rival.
     pub(crate) file: Option<Vec<u8>>,
 }
@@ -66,7 +66,36 @@ pub(crate) struct Searches<'s> {
 struct Held<'s> {
     of: (CodecId, Family, Option<Metric>),
     search: ImageSearch<'s>,
+    cost: Cost,
+}
+
+/// Time that something took.
+#[derive(Debug, Clone, Copy)]
+struct Cost {
     seconds: f64,
+    cpu_seconds: f64,
+}
+
+impl Cost {
+    const NONE: Cost = Cost { seconds: 0.0, cpu_seconds: 0.0 };
+
+    /// Starts a clock; the call of what it returns gives the cost since.
+    fn clock() -> impl Fn() -> Cost {
+        let (start, cpu) = (Instant::now(), cpu_seconds());
+        move || Cost { seconds: start.elapsed().as_secs_f64(), cpu_seconds: cpu_seconds() - cpu }
+    }
+}
+
+/// CPU seconds that this process has used, all threads together, and programs that it has started and waited for, to a hundredth of a
+/// second; 0 where the system has no `/proc`.
+#[must_use]
+pub fn cpu_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    // Fields 14 to 17, counted after the name, which may hold anything but ends with the last bracket.
+    let after = stat.rsplit(')').next().unwrap_or_default();
+    let ticks: f64 =
+        after.split_whitespace().skip(11).take(4).filter_map(|field| field.parse::<f64>().ok()).sum();
+    ticks / 100.0
 }
 
 impl<'s> Searches<'s> {
@@ -74,39 +103,40 @@ impl<'s> Searches<'s> {
         Searches { images, held: None, stored: ("", Vec::new()) }
     }
 
-    /// Encodes for a goal; and the seconds that a search took which was there already.
+    /// Encodes for a goal; and what a search took which was there already.
     fn encode(
         &mut self,
         encoding: &'static Encoding,
         settings: &EncodeSettings,
-    ) -> Result<(AnyImage, f64), EncodeError> {
+    ) -> Result<(AnyImage, Cost), EncodeError> {
         let of = (encoding.id, settings.family, settings.metric);
         let mut job = Job::default();
-        let (held, seconds) = match self.held.take_if(|held| held.of == of) {
+        let (held, cost) = match self.held.take_if(|held| held.of == of) {
             Some(held) => {
-                let seconds = held.seconds;
-                (self.held.insert(held), seconds)
+                let cost = held.cost;
+                (self.held.insert(held), cost)
             }
             None => {
                 // One search at a time is held: it is large.
                 self.held = None;
-                let start = Instant::now();
+                let clock = Cost::clock();
                 let search = search_images(encoding, self.images, Guidance::default(), settings, &mut job)?;
-                let seconds = start.elapsed().as_secs_f64();
-                (self.held.insert(Held { of, search, seconds }), 0.0)
+                let cost = clock();
+                (self.held.insert(Held { of, search, cost }), Cost::NONE)
             }
         };
-        held.search.encode(settings.goal, &mut job).map(|image| (image, seconds))
+        held.search.encode(settings.goal, &mut job).map(|image| (image, cost))
     }
 }
 
 impl Bench {
     /// Looks for a GPU, for the rival, and for formats for storage where they are wanted.
-    pub(crate) fn open(effort: EffortName, with_storage: bool) -> Bench {
+    pub(crate) fn open(effort: EffortName, suite: &Suite, with_storage: bool) -> Bench {
         Bench {
             effort,
             gpu: Gpu::new(Policy::from_env()).ok(),
-            astcenc: Astcenc::find(),
+            astcenc: Astcenc::find().filter(|_| !suite.astc.is_empty()),
+            astc_preset: suite.astc_preset,
             storage: with_storage.then(Storage::find),
             single: rayon::ThreadPoolBuilder::new().num_threads(1).build().ok(),
         }
@@ -146,16 +176,23 @@ impl Bench {
     ) -> Result<Measured, CliError> {
         let images = searches.images;
         let fault = |source| CliError::Encode { path: path.to_owned(), source };
-        let start = Instant::now();
-        let (image, search_seconds) = match &candidate.way {
+        let clock = Cost::clock();
+        let (image, search) = match &candidate.way {
             Way::Fixed(encoding, settings) => {
                 let made = encoding.encode(images, Guidance::default(), settings, &mut Job::default());
-                (made.map_err(fault)?, 0.0)
+                (made.map_err(fault)?, Cost::NONE)
             }
             Way::Goal(encoding, settings) => searches.encode(encoding, settings).map_err(fault)?,
             Way::Rival(astcenc, side) => {
-                let coded = images.images().iter().map(|image| astcenc.code(image, *side, ASTC_PRESET, path));
-                return Ok(external(images, candidate, coded.collect::<Result<_, _>>()?));
+                let preset = self.astc_preset.option();
+                let coded = images.images().iter().map(|image| astcenc.code(image, *side, preset, path));
+                let coded = coded.collect::<Result<_, _>>()?;
+                return Ok(external(images, candidate, coded, Some(clock().cpu_seconds)));
+            }
+            Way::Jpeg(quality) => {
+                let coded = images.images().iter().map(|image| jpeg::code(image, *quality, path));
+                let coded = coded.collect::<Result<_, _>>()?;
+                return Ok(external(images, candidate, coded, Some(clock().cpu_seconds)));
             }
             Way::Storage(format, goal) => {
                 if searches.stored.0 != format.name() {
@@ -166,11 +203,12 @@ impl Bench {
                 let coded = pairs.map(|(image, known)| format.within(image, *goal, known, path));
                 let coded = coded.collect::<Result<Option<Vec<Coded>>, _>>()?;
                 let bits = || CliError::NoSetting { path: path.to_owned(), bpp: *goal };
-                return Ok(external(images, candidate, coded.ok_or_else(bits)?));
+                // The time of one of the settings that were tried, by the wall.
+                return Ok(external(images, candidate, coded.ok_or_else(bits)?, None));
             }
         };
         let bytes = image.to_bytes();
-        let encode_seconds = search_seconds + start.elapsed().as_secs_f64();
+        let cost = clock();
         let (figures, shipped) =
             Figures::of(images, &bytes).map_err(|source| CliError::Load { path: path.to_owned(), source })?;
         let encoded = shipped.as_encoded();
@@ -182,7 +220,7 @@ impl Bench {
         }
         let row = Row {
             input: String::new(),
-            codec: candidate.codec,
+            codec: candidate.codec.to_owned(),
             settings: candidate.settings.clone(),
             bpp_memory: figures.sizes.bpp_memory,
             bpp_resident: figures.sizes.bpp_resident,
@@ -191,13 +229,17 @@ impl Bench {
             ssim: figures.ssim,
             ssimulacra2: figures.ssimulacra2,
             butteraugli: mean(differences.into_iter()),
-            encode_seconds,
+            encode_seconds: search.seconds + cost.seconds,
             texels: images.texel_count() as f64,
             decode_cpu_texels_per_second: Some(self.cpu_speed(encoded)),
             decode_gpu_texels_per_second: self.gpu_speed(encoded),
             random_access: 1,
+            series: candidate.series.clone(),
+            encode_cpu_seconds: known(search.cpu_seconds + cost.cpu_seconds),
+            size: size_of_first(images),
+            inputs: 1,
         };
-        Ok(Measured { row, decoded, file: Some(bytes) })
+        Ok(Measured { row, decoded: Some(decoded), file: Some(bytes) })
     }
 
     /// Texels a second of whole decodes on one thread: the median of several.
@@ -238,8 +280,23 @@ impl Bench {
     }
 }
 
-/// What external programs have made of each image: our figures judge.
-fn external(images: &ImageSet, candidate: &Candidate, coded: Vec<Coded>) -> Measured {
+/// CPU seconds where the system tells them.
+fn known(cpu_seconds: f64) -> Option<f64> {
+    (self::cpu_seconds() > 0.0).then_some(cpu_seconds)
+}
+
+fn size_of_first(images: &ImageSet) -> (u32, u32) {
+    let size = images.images()[0].size();
+    (size.width, size.height)
+}
+
+/// What others have made of each image: our figures judge.
+fn external(
+    images: &ImageSet,
+    candidate: &Candidate,
+    coded: Vec<Coded>,
+    cpu_seconds: Option<f64>,
+) -> Measured {
     let (mut error, mut similarity) = (SquaredError::default(), 0.0);
     let (mut perceived, mut differences) = (Vec::new(), Vec::new());
     for (image, coded) in images.images().iter().zip(&coded) {
@@ -254,7 +311,7 @@ fn external(images: &ImageSet, candidate: &Candidate, coded: Vec<Coded>) -> Meas
     let is_stored = matches!(candidate.way, Way::Storage(..));
     let row = Row {
         input: String::new(),
-        codec: candidate.codec,
+        codec: candidate.codec.to_owned(),
         settings: candidate.settings.clone(),
         bpp_memory: bpp,
         bpp_resident: if is_stored { 32.0 } else { bpp },
@@ -268,7 +325,10 @@ fn external(images: &ImageSet, candidate: &Candidate, coded: Vec<Coded>) -> Meas
         decode_cpu_texels_per_second: None,
         decode_gpu_texels_per_second: None,
         random_access: u8::from(!is_stored),
+        series: candidate.series.clone(),
+        encode_cpu_seconds: cpu_seconds.and_then(known),
+        size: size_of_first(images),
+        inputs: 1,
     };
-    let first = coded.into_iter().next().map(|coded| coded.decoded);
-    Measured { row, decoded: first.unwrap_or_else(|| images.images()[0].clone()), file: None }
+    Measured { row, decoded: coded.into_iter().next().map(|coded| coded.decoded), file: None }
 }

@@ -1,37 +1,51 @@
 //! `compare`: every codec that fits at several settings, beside plain block compression.
 //!
 //! One row for each input and setting; charts over the means of all inputs, with the front of settings that no other
-//! beats in both figures; images of what each setting does to the middle of each input.
+//! beats in both figures; bits at equal quality; images of what each setting does to the middle of each input.
 
+mod batch;
 mod candidate;
 mod chart;
+mod curve;
+mod equal;
 mod images;
+mod jpeg;
+mod kept;
 mod measure;
 mod page;
 mod rival;
 mod storage;
+mod suite;
 mod table;
 
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 use crate::config::{AlphaChoice, ColorName, EffortName, Options};
-use crate::console::say;
+use crate::console::{say, warn};
 use crate::error::{CliError, explain, guarded};
 use crate::input::{Found, find, material::read_maps, read_set};
 use crate::memory::{self, MemoryArgs};
 use crate::output::{make_folder, remove_stale, write_whole};
 use crate::progress::Progress;
 use crate::settings::Kind;
-use candidate::{Candidate, Suite, candidates};
+use candidate::{Candidate, candidates};
 use images::Pictures;
+use kept::Kept;
 use measure::{Bench, Measured, Searches};
 use page::Subject;
+use suite::Suite;
 use table::Row;
+use texfold_core::image::ImageSet;
 
+pub use measure::cpu_seconds;
 pub use rival::astc_by_astcenc;
 
 /// Inputs that the report shows images of; further ones are in the table alone.
 const THUMBNAIL_INPUTS: usize = 24;
+
+/// Folder of the files that codec-compare.json lists.
+const BATCHES: &str = "codec-compare";
 
 /// Bytes of a texel that the codec which needs most takes, with what is measured.
 const BYTES_PER_TEXEL: u64 = 160;
@@ -42,15 +56,20 @@ pub struct CompareArgs {
     /// Files, folders or globs, as for compress.
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
-    /// Folder that results.csv, results.json, report.html and images.html, the images to zoom into, are written to.
+    /// Folder that results.csv, results.json, codec-compare.json, report.html and images.html, the images to zoom into, are written to. What is
+    /// measured stays in it: the same command goes on where it has stopped.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// What an input is; by default a file is an image and a folder is a set.
     #[arg(long = "as", value_enum)]
     kind: Option<Kind>,
-    /// Which codecs and settings are compared.
-    #[arg(long, value_enum, default_value_t)]
-    suite: Suite,
+    /// Which codecs and settings are compared: all, those that suit each codec; rates, the same bits for all; limits, the fewest bits, beside
+    /// formats for storage; peers, formats that engines ship; readme, a few; or a file NAME.toml.
+    #[arg(long, value_name = "NAME", default_value = "all")]
+    suite: String,
+    /// Measure no further setting after so many minutes.
+    #[arg(long, value_name = "MINUTES", value_parser = minutes)]
+    budget: Option<f64>,
     /// How long each codec searches.
     #[arg(long, value_enum, default_value_t = EffortName::Fast)]
     effort: EffortName,
@@ -68,22 +87,50 @@ pub struct CompareArgs {
     memory: MemoryArgs,
 }
 
+fn minutes(text: &str) -> Result<f64, String> {
+    let found = text.parse().ok().filter(|minutes: &f64| (0.0..1e6).contains(minutes));
+    found.ok_or_else(|| "give a number of minutes".to_owned())
+}
+
+/// What a run has and goes through.
+struct Run<'a> {
+    args: &'a CompareArgs,
+    suite: &'a Suite,
+    bench: &'a Bench,
+    progress: &'a Progress,
+    kept: Kept,
+    deadline: Option<Instant>,
+    /// Settings that the time did not suffice for.
+    left_out: usize,
+}
+
 /// Runs the command; gives the number of inputs that failed.
 pub(crate) fn run(args: &CompareArgs) -> Result<usize, CliError> {
+    let suite = suite::find(&args.suite)?;
     make_folder(&args.out)?;
     remove_stale(&args.out);
-    let bench = Bench::open(args.effort, args.storage || args.suite == Suite::Limits);
+    let bench = Bench::open(args.effort, &suite, args.storage || !suite.storage.is_empty());
     let inputs = find(&args.inputs, |_| args.kind);
     inputs.say_not_read();
     let inputs = inputs.found;
     let progress = Progress::new(inputs.len());
     let (mut rows, mut subjects, mut pictures, mut failed) = (Vec::new(), Vec::new(), Pictures::default(), 0);
+    let how = format!("{} {}", args.effort.name(), suite.astc_preset.option());
+    let mut run = Run {
+        args,
+        suite: &suite,
+        bench: &bench,
+        progress: &progress,
+        kept: Kept::open(&args.out, &how)?,
+        deadline: args.budget.map(|minutes| Instant::now() + Duration::from_secs_f64(60.0 * minutes)),
+        left_out: 0,
+    };
     for input in inputs {
         let share = progress.share(String::new());
         let outcome = input.map_err(|unusable| *unusable.error).and_then(|found| {
             let path = found.path.clone();
             let pictures = (subjects.len() < THUMBNAIL_INPUTS).then_some(&mut pictures);
-            guarded(&path, || compare(&found, args, &bench, &progress, pictures))
+            guarded(&path, || run.compare(&found, pictures))
         });
         drop(share);
         match outcome {
@@ -98,80 +145,121 @@ pub(crate) fn run(args: &CompareArgs) -> Result<usize, CliError> {
         }
     }
     progress.finish();
-    write(args, &rows, &subjects, &bench)?;
+    run.write(&rows, &subjects)?;
     pictures.write(&args.out.join("images.html"))?;
+    if run.left_out > 0 {
+        warn(&format!(
+            "{} settings are not measured, as the time did not suffice; the same command goes on with them",
+            run.left_out
+        ));
+    } else {
+        run.kept.prune();
+    }
     say(&format!("{} rows in {}", rows.len(), args.out.join("report.html").display()));
     Ok(failed)
 }
 
-/// All settings on one input.
-fn compare(
-    found: &Found,
-    args: &CompareArgs,
-    bench: &Bench,
-    progress: &Progress,
-    mut pictures: Option<&mut Pictures>,
-) -> Result<(Vec<Row>, Subject), CliError> {
-    let options = Options::of_pixels(args.color, args.alpha);
-    let settings = match found.kind {
-        Kind::Material => options.resolve_material(&found.path),
-        _ => options.resolve_files(&found.path, &found.files),
-    }?;
-    let mut remarks = settings.remarks.clone();
-    let limit = args.memory.bytes();
-    let images = match found.kind {
-        Kind::Material => read_maps(&found.files, &settings, limit, &mut remarks),
-        _ => read_set(&found.files, found.takes_all_frames(), &settings, limit, &mut remarks),
-    }?;
-    let texels: u64 = images.images().iter().map(|image| image.size().texels()).sum();
-    memory::check(&found.path, texels.saturating_mul(BYTES_PER_TEXEL), limit)?;
-    let files = found.files.len();
-    for note in remarks.notes(files) {
-        progress.say(&format!("note: {}: {note}", found.path.display()));
+impl Run<'_> {
+    /// All settings on one input.
+    fn compare(
+        &mut self,
+        found: &Found,
+        mut pictures: Option<&mut Pictures>,
+    ) -> Result<(Vec<Row>, Subject), CliError> {
+        let Run { bench, progress, .. } = *self;
+        let images = self.read(found)?;
+        let input = found.path.display().to_string();
+        let original = pictures.is_some().then(|| &images.images()[0]);
+        let mut subject = Subject::new(&input, original);
+        if let Some(pictures) = &mut pictures {
+            pictures.add_original(&input, &images.images()[0])?;
+        }
+        let (mut rows, hash) = (Vec::new(), kept::hash(&images));
+        let mut searches = Searches::new(&images);
+        let effort = bench.effort().effort();
+        for candidate in candidates(self.suite, images.info(), effort, bench.rival(), bench.storage()) {
+            let name = self.kept.name(&hash, &candidate);
+            let with_image = pictures.is_some() && candidate.has_thumbnail;
+            let measured = match self.kept.find(&name, &images, with_image) {
+                Some(measured) => Ok(measured),
+                None if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) => {
+                    self.left_out += 1;
+                    continue;
+                }
+                None => bench.measure(&mut searches, &candidate, &found.path).and_then(|measured| {
+                    self.kept.keep(&name, &measured, with_image)?;
+                    Ok(measured)
+                }),
+            };
+            // A setting that does not suit an input, such as a codebook larger than its image, is left out.
+            let row = match measured {
+                Ok(Measured { row, decoded, file }) => {
+                    let row = Row { input: input.clone(), ..row };
+                    if let (Some(pictures), Some(decoded), true) = (&mut pictures, &decoded, with_image) {
+                        let place = pictures.add(&row, decoded, file)?;
+                        subject.add(&row, decoded, place);
+                    }
+                    row
+                }
+                Err(error) => {
+                    let Candidate { codec, settings, .. } = &candidate;
+                    progress.mention(&format!("left out: {codec} {settings}: {}", explain(&error)));
+                    continue;
+                }
+            };
+            progress.say(&row.line());
+            rows.push(row);
+        }
+        Ok((rows, subject))
     }
-    for warning in remarks.warnings(files) {
-        progress.mention(&format!("warning: {}: {warning}", found.path.display()));
+
+    /// The images of an input; says what is noteworthy of them.
+    fn read(&self, found: &Found) -> Result<ImageSet, CliError> {
+        let Run { args, progress, .. } = *self;
+        let options = Options::of_pixels(args.color, args.alpha);
+        let settings = match found.kind {
+            Kind::Material => options.resolve_material(&found.path),
+            _ => options.resolve_files(&found.path, &found.files),
+        }?;
+        let mut remarks = settings.remarks.clone();
+        let limit = args.memory.bytes();
+        let images = match found.kind {
+            Kind::Material => read_maps(&found.files, &settings, limit, &mut remarks),
+            _ => read_set(&found.files, found.takes_all_frames(), &settings, limit, &mut remarks),
+        }?;
+        let texels: u64 = images.images().iter().map(|image| image.size().texels()).sum();
+        memory::check(&found.path, texels.saturating_mul(BYTES_PER_TEXEL), limit)?;
+        let files = found.files.len();
+        for note in remarks.notes(files) {
+            progress.say(&format!("note: {}: {note}", found.path.display()));
+        }
+        for warning in remarks.warnings(files) {
+            progress.mention(&format!("warning: {}: {warning}", found.path.display()));
+        }
+        Ok(images)
     }
-    let input = found.path.display().to_string();
-    let original = pictures.is_some().then(|| &images.images()[0]);
-    let mut subject = Subject::new(&input, original);
-    if let Some(pictures) = &mut pictures {
-        pictures.add_original(&input, &images.images()[0])?;
+
+    fn write(&self, rows: &[Row], subjects: &[Subject]) -> Result<(), CliError> {
+        let out = &self.args.out;
+        write_json(out.join("results.json"), &rows)?;
+        write_whole(&out.join("results.csv"), table::csv(rows).as_bytes())?;
+        let batches = out.join(BATCHES);
+        make_folder(&batches)?;
+        let mut list = Vec::new();
+        for (number, line) in chart::lines(rows).iter().enumerate() {
+            let name = format!("{number:02}.json");
+            write_json(batches.join(&name), &batch::batch(line, self.bench.effort().name()))?;
+            list.push([format!("{BATCHES}/{name}")]);
+        }
+        write_json(out.join("codec-compare.json"), &list)?;
+        let report = out.join("report.html");
+        let draw = |source| CliError::Draw { path: report.clone(), source };
+        let html = page::html(&self.suite.title, rows, subjects, self.bench, self.left_out).map_err(draw)?;
+        write_whole(&report, html.as_bytes())
     }
-    let mut rows = Vec::new();
-    let mut searches = Searches::new(&images);
-    let effort = bench.effort().effort();
-    for candidate in candidates(args.suite, images.info(), effort, bench.rival(), bench.storage()) {
-        // A setting that does not suit an input, such as a codebook larger than its image, is left out.
-        let measured = match bench.measure(&mut searches, &candidate, &found.path) {
-            Ok(Measured { row, decoded, file }) => {
-                let row = Row { input: input.clone(), ..row };
-                let place = match &mut pictures {
-                    Some(pictures) if candidate.has_thumbnail => pictures.add(&row, &decoded, file)?,
-                    _ => None,
-                };
-                subject.add(&candidate, &row, &decoded, place);
-                row
-            }
-            Err(error) => {
-                let Candidate { codec, settings, .. } = &candidate;
-                progress.mention(&format!("left out: {codec} {settings}: {}", explain(&error)));
-                continue;
-            }
-        };
-        progress.say(&measured.line());
-        rows.push(measured);
-    }
-    Ok((rows, subject))
 }
 
-fn write(args: &CompareArgs, rows: &[Row], subjects: &[Subject], bench: &Bench) -> Result<(), CliError> {
-    let json = args.out.join("results.json");
-    let fault = |source: serde_json::Error| CliError::Write { path: json.clone(), source: source.into() };
-    write_whole(&json, &serde_json::to_vec_pretty(rows).map_err(fault)?)?;
-    write_whole(&args.out.join("results.csv"), table::csv(rows).as_bytes())?;
-    let report = args.out.join("report.html");
-    let draw = |source| CliError::Draw { path: report.clone(), source };
-    let html = page::html(rows, subjects, bench).map_err(draw)?;
-    write_whole(&report, html.as_bytes())
+fn write_json(path: PathBuf, value: &impl serde::Serialize) -> Result<(), CliError> {
+    let fault = |source: serde_json::Error| CliError::Write { path: path.clone(), source: source.into() };
+    write_whole(&path, &serde_json::to_vec_pretty(value).map_err(fault)?)
 }

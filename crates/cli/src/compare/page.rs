@@ -7,11 +7,10 @@ use base64::prelude::{BASE64_STANDARD, Engine};
 use texfold_chart::escaped;
 use texfold_core::image::Raster;
 
-use super::candidate::Candidate;
-use super::chart::{self, CHARTS};
 use super::measure::Bench;
 use super::storage::Storage;
 use super::table::{Row, difference, means, score};
+use super::{chart, equal};
 use crate::{png, thumbnail};
 
 /// Side in texels of the images: the middle of each input.
@@ -42,8 +41,8 @@ impl Subject {
     }
 
     /// Adds what a setting made of it.
-    pub(crate) fn add(&mut self, candidate: &Candidate, row: &Row, decoded: &Raster, place: Option<usize>) {
-        let Some(original) = self.original.as_ref().filter(|_| candidate.has_thumbnail) else { return };
+    pub(crate) fn add(&mut self, row: &Row, decoded: &Raster, place: Option<usize>) {
+        let Some(original) = &self.original else { return };
         let decoded = thumbnail::crop(decoded, THUMBNAIL_SIDE);
         let error = thumbnail::error(original, &decoded);
         self.shown.push(Shown { title: row.title(), error, decoded, place });
@@ -52,28 +51,62 @@ impl Subject {
 
 const STYLE: &str = ":root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem}\
 table{border-collapse:collapse;font-size:14px}td,th{padding:.2rem .6rem;border-bottom:1px solid #8884;text-align:right}\
-td:nth-child(-n+3),th:nth-child(-n+3){text-align:left}figure{display:inline-block;margin:.3rem}\
+td:first-child,th:first-child,td.text,th.text{text-align:left}figure{display:inline-block;margin:.3rem}\
 figcaption{font-size:13px;max-width:22rem}img{image-rendering:pixelated;margin-right:3px;vertical-align:top}\
-svg{width:100%;height:auto}.wide{overflow-x:auto}.wide>svg{min-width:44rem}";
+svg{width:100%;height:auto}.wide{overflow-x:auto}.worse{color:#b3182b}@media(prefers-color-scheme:dark){.worse{color:#ff8f9b}}\
+.charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,27rem),1fr));gap:1rem}\
+.curves{display:block;margin:0;touch-action:pan-y}.curves output{display:block;min-height:1.5em;font-size:13px}\
+.legend{position:sticky;top:0;background:Canvas;padding:.4rem 0}.legend button{font:inherit;color:inherit;background:none;border:1px solid #8884;border-radius:1rem;\
+margin:.15rem;padding:.1rem .7rem;cursor:pointer}.legend button[aria-pressed=false]{opacity:.4;text-decoration:line-through}";
 
 type Fault = Box<dyn Error + Send + Sync>;
 
-/// The whole page.
-pub(crate) fn html(rows: &[Row], subjects: &[Subject], bench: &Bench) -> Result<String, Fault> {
+/// The whole page. `left_out` counts settings that the time did not suffice for.
+pub(crate) fn html(
+    title: &str,
+    rows: &[Row],
+    subjects: &[Subject],
+    bench: &Bench,
+    left_out: usize,
+) -> Result<String, Fault> {
     let means = means(rows);
+    let title = escaped(title);
     let mut page = format!(
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Texfold: comparison</title>\
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Texfold: {title}</title>\
          <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style>\
-         <h1>Texfold: comparison of {} inputs</h1>",
+         <h1>Texfold: {title}</h1><p>Means over {} inputs. Click a name to switch its series; point at a mark to read it.</p>",
         subjects.len()
     );
-    page.push_str(&circumstances(bench));
-    for (axis, quality) in CHARTS {
-        if let Some(svg) = chart::svg(&means, axis, quality) {
-            write!(page, "<div class=\"wide\">{svg}</div>")?;
-        }
+    if left_out > 0 {
+        write!(
+            page,
+            "<p><strong>{left_out} settings are not measured yet</strong>: the time did not suffice. The same command goes on.</p>"
+        )?;
     }
+    let comparable = chart::comparable(&means);
+    if comparable.len() < means.len() {
+        write!(
+            page,
+            "<p>Charts hold the {} settings that most inputs have; {} more, of fewer inputs, are in the table below.</p>",
+            comparable.len(),
+            means.len() - comparable.len()
+        )?;
+    }
+    let (legend, charts) = chart::svgs(&comparable);
+    write!(page, "{legend}<div class=\"charts\">")?;
+    for svg in charts {
+        write!(page, "<figure class=\"curves\">{svg}<output></output></figure>")?;
+    }
+    page.push_str("</div>");
+    page.push_str(&equal::tables(rows));
+    page.push_str(&circumstances(bench));
     write!(page, "<h2>Means over the inputs</h2>{}", table(&means))?;
+    write!(
+        page,
+        "<p><a href=\"results.csv\">All {} rows</a>, as <a href=\"results.json\">JSON</a>, and for codec-compare: \
+         <a href=\"codec-compare.json\">codec-compare.json</a>.</p>",
+        rows.len()
+    )?;
     write!(
         page,
         "<h2>Images</h2><p>The middle {THUMBNAIL_SIDE} texels of each input: the original, then for some settings \
@@ -84,7 +117,7 @@ pub(crate) fn html(rows: &[Row], subjects: &[Subject], bench: &Bench) -> Result<
     for subject in subjects {
         page.push_str(&images(subject)?);
     }
-    writeln!(page, "<h2>All rows</h2>{}</html>", table(rows))?;
+    writeln!(page, "<script>{}</script></html>", texfold_chart::SCRIPT)?;
     Ok(page)
 }
 
@@ -120,19 +153,19 @@ fn circumstances(bench: &Bench) -> String {
     )
 }
 
-fn table(rows: &[Row]) -> String {
+fn table(means: &[Row]) -> String {
     let mut text = String::from(
-        "<div class=\"wide\"><table><tr><th>input<th>codec<th>settings<th>bits compressed<th>bits decoded whole<th>bits disk<th>PSNR dB<th>SSIM<th>SSIMULACRA2<th>butteraugli\
-         <th>encode s<th>CPU Mtexel/s<th>GPU Mtexel/s",
+        "<div class=\"wide\"><table><tr><th>series<th class=\"text\">settings<th>inputs<th>bits compressed<th>bits decoded whole<th>bits disk<th>PSNR dB<th>SSIM<th>SSIMULACRA2<th>butteraugli\
+         <th>encode s<th>CPU s/Mtexel<th>CPU Mtexel/s<th>GPU Mtexel/s",
     );
     let speed = |speed: Option<f64>| speed.map_or("-".to_owned(), |speed| format!("{:.1}", speed / 1e6));
-    for row in rows {
+    for row in means {
         let _ = write!(
             text,
-            "<tr><td>{}<td>{}<td>{}<td>{:.3}<td>{:.3}<td>{:.3}<td>{:.2}<td>{:.4}<td>{}<td>{}<td>{:.2}<td>{}<td>{}",
-            escaped(&row.input),
-            row.codec,
+            "<tr><td>{}<td class=\"text\">{}<td>{}<td>{:.3}<td>{:.3}<td>{:.3}<td>{:.2}<td>{:.4}<td>{}<td>{}<td>{:.2}<td>{}<td>{}<td>{}",
+            escaped(&row.series),
             escaped(&row.settings),
+            row.inputs,
             row.bpp_memory,
             row.bpp_resident,
             row.bpp_disk,
@@ -141,6 +174,7 @@ fn table(rows: &[Row]) -> String {
             score(row.ssimulacra2),
             difference(row.butteraugli),
             row.encode_seconds,
+            difference(row.cpu_seconds_a_megatexel()),
             speed(row.decode_cpu_texels_per_second),
             speed(row.decode_gpu_texels_per_second)
         );

@@ -1,15 +1,16 @@
 //! The rows of a comparison, as JSON, CSV and means over inputs.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// One setting on one input.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Row {
     pub(crate) input: String,
-    pub(crate) codec: &'static str,
+    pub(crate) codec: String,
     pub(crate) settings: String,
     pub(crate) bpp_memory: f64,
     pub(crate) bpp_disk: f64,
+    #[serde(deserialize_with = "infinite_without")]
     pub(crate) psnr: f64,
     pub(crate) ssim: f64,
     /// Where it is defined ([`crate::ssimulacra2`]).
@@ -17,8 +18,7 @@ pub(crate) struct Row {
     /// Where it is defined ([`crate::butteraugli`]).
     pub(crate) butteraugli: Option<f64>,
     pub(crate) encode_seconds: f64,
-    /// Texels of all images, for speeds.
-    #[serde(skip)]
+    /// Texels of all images.
     pub(crate) texels: f64,
     /// One thread, whole images; nothing where the decoder is not ours.
     pub(crate) decode_cpu_texels_per_second: Option<f64>,
@@ -27,10 +27,28 @@ pub(crate) struct Row {
     pub(crate) random_access: u8,
     /// GPU memory where blocks are decoded whole.
     pub(crate) bpp_resident: f64,
+    /// The curve that it is a point of.
+    pub(crate) series: String,
+    /// All threads and programs together; nothing where the system does not tell.
+    pub(crate) encode_cpu_seconds: Option<f64>,
+    /// Columns and rows of the first image.
+    pub(crate) size: (u32, u32),
+    /// How many inputs this is the mean of.
+    #[serde(skip, default = "one")]
+    pub(crate) inputs: usize,
+}
+
+fn one() -> usize {
+    1
+}
+
+/// JSON has no infinite numbers: they are written as null.
+fn infinite_without<'de, D: serde::Deserializer<'de>>(reader: D) -> Result<f64, D::Error> {
+    Ok(Option::<f64>::deserialize(reader)?.unwrap_or(f64::INFINITY))
 }
 
 const HEADER: &str = "input,codec,settings,bpp_memory,bpp_disk,psnr,ssim,encode_seconds,\
-                      decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident,butteraugli";
+                      decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident,butteraugli,series,encode_cpu_seconds";
 
 impl Row {
     /// The row for a terminal.
@@ -54,8 +72,9 @@ impl Row {
         format!("{} {}: {:.2} dB at {:.2} bits", self.codec, self.settings, self.psnr, self.bpp_memory)
     }
 
-    pub(crate) fn encode_texels_per_second(&self) -> f64 {
-        self.texels / self.encode_seconds.max(1e-9)
+    /// CPU seconds of encoding a megatexel.
+    pub(crate) fn cpu_seconds_a_megatexel(&self) -> Option<f64> {
+        self.encode_cpu_seconds.map(|seconds| seconds / self.texels * 1e6)
     }
 }
 
@@ -76,7 +95,7 @@ pub(crate) fn csv(rows: &[Row]) -> String {
     for row in rows {
         let fields = [
             quoted(&row.input),
-            quoted(row.codec),
+            quoted(&row.codec),
             quoted(&row.settings),
             format!("{:.6}", row.bpp_memory),
             format!("{:.6}", row.bpp_disk),
@@ -89,6 +108,8 @@ pub(crate) fn csv(rows: &[Row]) -> String {
             row.ssimulacra2.map_or(String::new(), |figure| format!("{figure:.4}")),
             format!("{:.6}", row.bpp_resident),
             row.butteraugli.map_or(String::new(), |figure| format!("{figure:.4}")),
+            quoted(&row.series),
+            row.encode_cpu_seconds.map_or(String::new(), |seconds| format!("{seconds:.2}")),
         ];
         text.push_str(&fields.join(","));
         text.push('\n');
@@ -105,12 +126,12 @@ fn quoted(field: &str) -> String {
 
 /// One row for each setting: the mean over the inputs that have it, in the order of first appearance.
 pub(crate) fn means(rows: &[Row]) -> Vec<Row> {
-    let mut groups: Vec<(&'static str, &str, Vec<&Row>)> = Vec::new();
+    let mut groups: Vec<(&str, &str, Vec<&Row>)> = Vec::new();
     for row in rows {
         match groups.iter_mut().find(|(codec, settings, _)| *codec == row.codec && *settings == row.settings)
         {
             Some((_, _, group)) => group.push(row),
-            None => groups.push((row.codec, &row.settings, vec![row])),
+            None => groups.push((&row.codec, &row.settings, vec![row])),
         }
     }
     groups.into_iter().map(|(_, _, group)| mean(&group)).collect()
@@ -123,8 +144,8 @@ fn mean(group: &[&Row]) -> Row {
     };
     let figure = |figure: fn(&Row) -> f64| mean_of(&|row| Some(figure(row))).unwrap_or(0.0);
     Row {
-        input: format!("mean of {}", group.len()),
-        codec: group[0].codec,
+        input: String::new(),
+        codec: group[0].codec.clone(),
         settings: group[0].settings.clone(),
         bpp_memory: figure(|row| row.bpp_memory),
         bpp_disk: figure(|row| row.bpp_disk),
@@ -138,33 +159,21 @@ fn mean(group: &[&Row]) -> Row {
         decode_gpu_texels_per_second: mean_of(&|row| row.decode_gpu_texels_per_second),
         random_access: group[0].random_access,
         bpp_resident: figure(|row| row.bpp_resident),
+        series: group[0].series.clone(),
+        encode_cpu_seconds: mean_of(&|row| row.encode_cpu_seconds),
+        size: group[0].size,
+        inputs: group.len(),
     }
 }
 
-/// Indices of the points that no other beats: a larger `y` at an `x` that is as good or better. From the best `x` on.
-pub(crate) fn front(points: &[(f64, f64)], smaller_is_better: bool) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..points.len()).collect();
-    let sign = if smaller_is_better { 1.0 } else { -1.0 };
-    order.sort_by(|&a, &b| {
-        (sign * points[a].0).total_cmp(&(sign * points[b].0)).then(points[b].1.total_cmp(&points[a].1))
-    });
-    let mut best = f64::NEG_INFINITY;
-    order.retain(|&index| {
-        let better = points[index].1 > best;
-        best = best.max(points[index].1);
-        better
-    });
-    order
-}
-
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn row(input: &str, settings: &str, psnr: f64, gpu: Option<f64>) -> Row {
+    pub(in crate::compare) fn row(input: &str, settings: &str, psnr: f64, gpu: Option<f64>) -> Row {
         Row {
             input: input.to_owned(),
-            codec: "bc",
+            codec: "bc".to_owned(),
             settings: settings.to_owned(),
             bpp_memory: 4.0,
             bpp_resident: 4.0,
@@ -178,6 +187,10 @@ mod tests {
             decode_cpu_texels_per_second: Some(1e6),
             decode_gpu_texels_per_second: gpu,
             random_access: 1,
+            series: "BC1, x".to_owned(),
+            encode_cpu_seconds: Some(0.75),
+            size: (10, 10),
+            inputs: 1,
         }
     }
 
@@ -190,14 +203,8 @@ mod tests {
             .map(|row| (row.settings.as_str(), row.psnr, row.decode_gpu_texels_per_second))
             .collect();
         assert_eq!(found, [("x", 32.0, Some(2.0)), ("y", 31.0, None)]);
-        assert_eq!(means[0].encode_texels_per_second(), 200.0);
-    }
-
-    #[test]
-    fn the_front_holds_what_nothing_beats() {
-        let points = [(4.0, 35.0), (2.0, 33.0), (3.0, 32.0), (8.0, 42.0), (2.0, 31.0)];
-        assert_eq!(front(&points, true), [1, 0, 3]);
-        assert_eq!(front(&points, false), [3]);
+        assert_eq!((means[0].inputs, means[1].inputs), (2, 1));
+        assert_eq!(means[0].cpu_seconds_a_megatexel(), Some(7500.0));
     }
 
     #[test]
@@ -206,9 +213,9 @@ mod tests {
         assert_eq!(
             text.lines().nth(1),
             Some(
-                "\"a,\"\"b\"\".png\",bc,x,4.000000,3.000000,30.0000,0.900000,0.500000,1000000,,1,70.0000,4.000000,1.5000"
+                "\"a,\"\"b\"\".png\",bc,x,4.000000,3.000000,30.0000,0.900000,0.500000,1000000,,1,70.0000,4.000000,1.5000,\"BC1, x\",0.75"
             )
         );
-        assert_eq!(text.lines().next().map(|header| header.split(',').count()), Some(14));
+        assert_eq!(text.lines().next().map(|header| header.split(',').count()), Some(16));
     }
 }

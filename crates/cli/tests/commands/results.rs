@@ -390,7 +390,7 @@ fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
     let csv = fs::read_to_string(place.at("out/results.csv")).unwrap();
     assert_eq!(csv.lines().count(), rows.len() + 1);
     let header = "input,codec,settings,bpp_memory,bpp_disk,psnr,ssim,encode_seconds,\
-                  decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident,butteraugli";
+                  decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident,butteraugli,series,encode_cpu_seconds";
     assert_eq!(csv.lines().next(), Some(header));
     for name in header.split(',') {
         assert!(rows.iter().all(|row| row.get(name).is_some()), "{name}");
@@ -415,10 +415,70 @@ fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
     let page = fs::read_to_string(place.at("out/report.html")).unwrap();
     assert!(page.matches("<svg").count() >= 3);
     assert!(!page.contains("src=\"http") && page.contains("data:image/png;base64,"));
+    // Series are switched by their names, and so read is the form of codec-compare.
+    assert_eq!(
+        page.matches("<button type=\"button\"").count(),
+        page.split("class=\"curves\"").nth(1).unwrap().matches("<g data-series").count()
+    );
+    let json =
+        |path: &str| serde_json::from_slice::<serde_json::Value>(&fs::read(place.at(path)).unwrap()).unwrap();
+    let list = json("out/codec-compare.json");
+    let batches: Vec<_> = list
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|batch| json(&format!("out/{}", batch[0].as_str().unwrap())))
+        .collect();
+    assert_eq!(
+        batches.iter().map(|batch| batch["field_values"].as_array().unwrap().len()).sum::<usize>(),
+        rows.len()
+    );
+    for batch in &batches {
+        for (names, values) in [
+            ("constant_descriptions", &batch["constant_values"]),
+            ("field_descriptions", &batch["field_values"][0]),
+        ] {
+            assert_eq!(batch[names].as_array().unwrap().len(), values.as_array().unwrap().len());
+        }
+    }
     let images = fs::read_to_string(place.at("out/images.html")).unwrap();
     let links = page.matches("images.html#").count();
     assert!(links > 3 && images.matches("\"group\":\"a.png\"").count() == links);
     assert_eq!(images.matches("\"originals\":[\"").count(), 1, "encodings of an input share its original");
+}
+
+#[test]
+fn a_comparison_goes_on_where_it_has_stopped() {
+    let place = Place::new();
+    place.image("a.png", 64, 48, 3);
+    fs::write(
+        place.at("few.toml"),
+        "title = \"few\"\ncodecs = [\"dct\"]\nbpp = [1.0, 2.0]\nplain = true\njpeg = [50]",
+    )
+    .unwrap();
+    let rows = |place: &Place| fs::read_to_string(place.at("out/results.csv")).unwrap();
+    let run = place.run("compare a.png --suite few.toml --out out --budget 0");
+    assert!(run.code == Some(0) && run.stderr.contains("9 settings are not measured"), "{}", run.stderr);
+    assert_eq!(rows(&place).lines().count(), 1);
+    assert_eq!(place.run("compare a.png --suite few.toml --out out").code, Some(0));
+    let first = rows(&place);
+    assert_eq!(first.lines().count(), 10);
+    let page = fs::read(place.at("out/report.html")).unwrap();
+    // Nothing is measured again, or times would differ; images are as before.
+    assert_eq!(place.run("compare a.png --suite few.toml --out out --budget 0").code, Some(0));
+    assert_eq!(rows(&place), first);
+    assert!(fs::read(place.at("out/report.html")).unwrap() == page);
+    // Of another image nothing was kept, and what is of no use any more is removed.
+    place.image("a.png", 48, 64, 3);
+    assert_eq!(place.run("compare a.png --suite few.toml --out out").code, Some(0));
+    assert_ne!(rows(&place), first);
+    let kept = fs::read_dir(place.at("out/measured")).unwrap().flatten();
+    assert_eq!(
+        kept.filter(|entry| entry.path().extension().is_some_and(|ending| ending == "json")).count(),
+        9
+    );
+    let run = place.run("compare a.png --suite none --out out");
+    assert!(run.code == Some(2) && run.stderr.contains("rates"), "{}", run.stderr);
 }
 
 #[test]

@@ -174,6 +174,8 @@ pub(crate) enum CliError {
     ImageSize { path: PathBuf, width: u32, height: u32, wanted: (u32, u32) },
     #[error("{}: is not a capture; give codec lightfield a folder with transforms.json (or a model of COLMAP, images.txt and cameras.txt or .bin, or Middlebury's _par.txt), images and mesh.obj, .ply, .glb or .gltf", path.display())]
     NotCapture { path: PathBuf },
+    #[error("{}: has no photographs to hold back; give a capture of {needed} and more, or transforms_test.json", path.display())]
+    FewViews { path: PathBuf, needed: usize },
     #[error("{}: is a capture, but codec {codec} takes images; give --codec lightfield, or --as set to encode its images", path.display())]
     OnlyImages { path: PathBuf, codec: &'static str },
     #[error("{}: holds a light field, not images; draw it with the command render", path.display())]

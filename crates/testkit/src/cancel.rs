@@ -48,9 +48,11 @@ fn looks(work: &(impl Fn(&mut Job<'_>) -> Result<(), EncodeError> + Sync)) -> Lo
         false
     });
     alone(&cancel, work).unwrap();
+    let count = last.lock().unwrap().1.count;
+    // The end counts for pauses alone.
     look(&last);
     let found = last.lock().unwrap().1;
-    Looks { whole: start.elapsed(), ..found }
+    Looks { count, whole: start.elapsed(), ..found }
 }
 
 /// Runs `work` on one thread.

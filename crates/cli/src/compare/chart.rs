@@ -3,6 +3,7 @@
 use texfold_chart::{Chart, Kind, NARROW, Names, Point, Scale, Series};
 
 use super::curve::Curve;
+use super::light;
 use super::storage;
 use super::table::Row;
 
@@ -47,6 +48,22 @@ const CHARTS: [(Across, Quality); 8] = [
     (CPU, PSNR),
     (GPU, PSNR),
 ];
+
+/// Of captures: sizes are of the whole.
+const LIGHT_CHARTS: [(Across, Quality); 4] =
+    [(KILOBYTES, PSNR), (KILOBYTES, PERCEIVED), (MEMORY, PSNR), (SECONDS, PSNR)];
+
+const KILOBYTES: Across = Across {
+    title: "Files",
+    label: "kB",
+    value: |row| Some(row.bpp_disk * row.texels / 8e3),
+    unit: 1.0,
+    is_at_equal_bits: false,
+};
+const MEMORY: Across =
+    Across { title: "Memory, compressed", value: |row| Some(row.bpp_memory * row.texels / 8e3), ..KILOBYTES };
+const SECONDS: Across =
+    Across { title: "Encoding", label: "CPU seconds", value: |row| row.encode_cpu_seconds, ..KILOBYTES };
 
 const HELD: Across = Across {
     title: "Compressed size",
@@ -132,11 +149,13 @@ pub(super) fn comparable(means: &[Row]) -> Vec<Row> {
 /// A legend of all series, and the charts that have points.
 pub(super) fn svgs(means: &[Row]) -> (String, Vec<String>) {
     let lines = lines(means);
+    let charts: &[(Across, Quality)] =
+        if means.iter().any(light::is_light) { &LIGHT_CHARTS } else { &CHARTS };
     let drawn: Vec<Vec<Series>> =
-        CHARTS.iter().map(|&(across, quality)| series(&lines, across, quality)).collect();
+        charts.iter().map(|&(across, quality)| series(&lines, across, quality)).collect();
     let legend = texfold_chart::legend(&drawn[0]);
     let charts =
-        CHARTS.iter().zip(drawn).filter(|(_, series)| series.iter().any(|series| !series.points.is_empty()));
+        charts.iter().zip(drawn).filter(|(_, series)| series.iter().any(|series| !series.points.is_empty()));
     let svg = |(&(across, quality), series): (&(Across, Quality), Vec<Series>)| {
         let title = format!("{} and {}", across.title, quality.name);
         let scale = Scale::Doublings(across.unit);

@@ -4,9 +4,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use texfold_core::image::ImageSet;
+use texfold_core::image::{ImageSet, PixelInfo};
 
-use super::candidate::Candidate;
 use super::measure::Measured;
 use super::rival::read_back;
 use super::table::Row;
@@ -38,15 +37,14 @@ impl Kept {
         Ok(Kept { folder, program: format!("{built:?} {how}"), used: BTreeSet::new() })
     }
 
-    /// A name for a setting on images that hash to `images`.
-    pub(super) fn name(&self, images: &blake3::Hash, candidate: &Candidate) -> String {
-        let Candidate { codec, series, settings, way, .. } = candidate;
-        let of = format!("{images} {codec} {series} {settings} {way:?} {}", self.program);
+    /// A name for a setting on an input of that hash.
+    pub(super) fn name(&self, input: &blake3::Hash, candidate: &impl std::fmt::Debug) -> String {
+        let of = format!("{input} {candidate:?} {}", self.program);
         blake3::hash(of.as_bytes()).to_hex()[..32].to_owned()
     }
 
     /// The row of that name, and its image where that is wanted; `None` where it is not there as a whole.
-    pub(super) fn find(&mut self, name: &str, images: &ImageSet, with_image: bool) -> Option<Measured> {
+    pub(super) fn find(&mut self, name: &str, info: PixelInfo, with_image: bool) -> Option<Measured> {
         let at = |ending: &str| self.folder.join(format!("{name}.{ending}"));
         let row: Row = serde_json::from_slice(&files::read(&at("json")).ok()?).ok()?;
         let (mut decoded, mut file) = (None, None);
@@ -58,7 +56,7 @@ impl Kept {
                 decoded = Some(crate::decompress::decode(&texture, loaded.as_encoded(), 0, 0).ok()?);
                 file = Some(bytes);
             } else {
-                decoded = Some(read_back(&picture, images.images()[0].info()).ok()?);
+                decoded = Some(read_back(&picture, info).ok()?);
             }
         }
         self.used.insert(name.to_owned());

@@ -71,8 +71,8 @@ struct Held<'s> {
 
 /// Time that something took.
 #[derive(Debug, Clone, Copy)]
-struct Cost {
-    seconds: f64,
+pub(super) struct Cost {
+    pub(super) seconds: f64,
     cpu_seconds: f64,
 }
 
@@ -80,9 +80,19 @@ impl Cost {
     const NONE: Cost = Cost { seconds: 0.0, cpu_seconds: 0.0 };
 
     /// Starts a clock; the call of what it returns gives the cost since.
-    fn clock() -> impl Fn() -> Cost {
+    pub(super) fn clock() -> impl Fn() -> Cost {
         let (start, cpu) = (Instant::now(), cpu_seconds());
         move || Cost { seconds: start.elapsed().as_secs_f64(), cpu_seconds: cpu_seconds() - cpu }
+    }
+
+    fn and(self, other: Cost) -> Cost {
+        let (seconds, cpu_seconds) = (self.seconds + other.seconds, self.cpu_seconds + other.cpu_seconds);
+        Cost { seconds, cpu_seconds }
+    }
+
+    /// CPU seconds where the system tells them.
+    pub(super) fn known_cpu_seconds(self) -> Option<f64> {
+        (cpu_seconds() > 0.0).then_some(self.cpu_seconds)
     }
 }
 
@@ -187,12 +197,12 @@ impl Bench {
                 let preset = self.astc_preset.option();
                 let coded = images.images().iter().map(|image| astcenc.code(image, *side, preset, path));
                 let coded = coded.collect::<Result<_, _>>()?;
-                return Ok(external(images, candidate, coded, Some(clock().cpu_seconds)));
+                return Ok(external(images, candidate, coded, Some(clock())));
             }
             Way::Jpeg(quality) => {
                 let coded = images.images().iter().map(|image| jpeg::code(image, *quality, path));
                 let coded = coded.collect::<Result<_, _>>()?;
-                return Ok(external(images, candidate, coded, Some(clock().cpu_seconds)));
+                return Ok(external(images, candidate, coded, Some(clock())));
             }
             Way::Storage(format, goal) => {
                 if searches.stored.0 != format.name() {
@@ -208,7 +218,7 @@ impl Bench {
             }
         };
         let bytes = image.to_bytes();
-        let cost = clock();
+        let cost = clock().and(search);
         let (figures, shipped) =
             Figures::of(images, &bytes).map_err(|source| CliError::Load { path: path.to_owned(), source })?;
         let encoded = shipped.as_encoded();
@@ -229,13 +239,13 @@ impl Bench {
             ssim: figures.ssim,
             ssimulacra2: figures.ssimulacra2,
             butteraugli: mean(differences.into_iter()),
-            encode_seconds: search.seconds + cost.seconds,
+            encode_seconds: cost.seconds,
             texels: images.texel_count() as f64,
             decode_cpu_texels_per_second: Some(self.cpu_speed(encoded)),
             decode_gpu_texels_per_second: self.gpu_speed(encoded),
             random_access: 1,
             series: candidate.series.clone(),
-            encode_cpu_seconds: known(search.cpu_seconds + cost.cpu_seconds),
+            encode_cpu_seconds: cost.known_cpu_seconds(),
             size: size_of_first(images),
             inputs: 1,
         };
@@ -280,23 +290,13 @@ impl Bench {
     }
 }
 
-/// CPU seconds where the system tells them.
-fn known(cpu_seconds: f64) -> Option<f64> {
-    (self::cpu_seconds() > 0.0).then_some(cpu_seconds)
-}
-
 fn size_of_first(images: &ImageSet) -> (u32, u32) {
     let size = images.images()[0].size();
     (size.width, size.height)
 }
 
 /// What others have made of each image: our figures judge.
-fn external(
-    images: &ImageSet,
-    candidate: &Candidate,
-    coded: Vec<Coded>,
-    cpu_seconds: Option<f64>,
-) -> Measured {
+fn external(images: &ImageSet, candidate: &Candidate, coded: Vec<Coded>, cost: Option<Cost>) -> Measured {
     let (mut error, mut similarity) = (SquaredError::default(), 0.0);
     let (mut perceived, mut differences) = (Vec::new(), Vec::new());
     for (image, coded) in images.images().iter().zip(&coded) {
@@ -326,7 +326,7 @@ fn external(
         decode_gpu_texels_per_second: None,
         random_access: u8::from(!is_stored),
         series: candidate.series.clone(),
-        encode_cpu_seconds: cpu_seconds.and_then(known),
+        encode_cpu_seconds: cost.and_then(Cost::known_cpu_seconds),
         size: size_of_first(images),
         inputs: 1,
     };

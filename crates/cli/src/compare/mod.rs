@@ -11,6 +11,7 @@ mod equal;
 mod images;
 mod jpeg;
 mod kept;
+mod light;
 mod measure;
 mod page;
 mod rival;
@@ -29,14 +30,14 @@ use crate::memory::{self, MemoryArgs};
 use crate::output::{make_folder, remove_stale, write_whole};
 use crate::progress::Progress;
 use crate::settings::Kind;
-use candidate::{Candidate, candidates};
+use candidate::candidates;
 use images::Pictures;
 use kept::Kept;
 use measure::{Bench, Measured, Searches};
 use page::Subject;
 use suite::Suite;
 use table::Row;
-use texfold_core::image::ImageSet;
+use texfold_core::image::{ImageSet, PixelInfo};
 
 pub use measure::cpu_seconds;
 pub use rival::astc_by_astcenc;
@@ -164,9 +165,45 @@ impl Run<'_> {
     fn compare(
         &mut self,
         found: &Found,
+        pictures: Option<&mut Pictures>,
+    ) -> Result<(Vec<Row>, Subject), CliError> {
+        if found.kind == Kind::Lightfield {
+            return self.compare_light(found, pictures.is_some());
+        }
+        self.compare_images(found, pictures)
+    }
+
+    /// All ways to show a capture.
+    fn compare_light(&mut self, found: &Found, with_images: bool) -> Result<(Vec<Row>, Subject), CliError> {
+        let scene = light::Scene::read(found, self.args.memory.bytes())?;
+        let (input, wanted) = (found.path.display().to_string(), scene.wanted()?);
+        let mut subject = Subject::new(&input, with_images.then_some(&wanted));
+        let mut rows = Vec::new();
+        for candidate in light::candidates() {
+            let with_image = with_images && candidate.has_thumbnail;
+            let measure = || scene.measure(&candidate, &found.path);
+            let name = self.kept.name(&scene.hash, &candidate);
+            let measured = self.measured(&name, wanted.info(), with_image, measure);
+            let Some(Measured { row, decoded, .. }) = self.said(measured, &candidate.settings) else {
+                continue;
+            };
+            let row = Row { input: input.clone(), ..row };
+            if let (Some(decoded), true) = (&decoded, with_image) {
+                subject.add(&row, decoded, None);
+            }
+            self.progress.say(&row.line());
+            rows.push(row);
+        }
+        Ok((rows, subject))
+    }
+
+    /// All settings on images.
+    fn compare_images(
+        &mut self,
+        found: &Found,
         mut pictures: Option<&mut Pictures>,
     ) -> Result<(Vec<Row>, Subject), CliError> {
-        let Run { bench, progress, .. } = *self;
+        let bench = self.bench;
         let images = self.read(found)?;
         let input = found.path.display().to_string();
         let original = pictures.is_some().then(|| &images.images()[0]);
@@ -174,43 +211,53 @@ impl Run<'_> {
         if let Some(pictures) = &mut pictures {
             pictures.add_original(&input, &images.images()[0])?;
         }
-        let (mut rows, hash) = (Vec::new(), kept::hash(&images));
+        let (mut rows, hash, info) = (Vec::new(), kept::hash(&images), images.images()[0].info());
         let mut searches = Searches::new(&images);
         let effort = bench.effort().effort();
         for candidate in candidates(self.suite, images.info(), effort, bench.rival(), bench.storage()) {
-            let name = self.kept.name(&hash, &candidate);
             let with_image = pictures.is_some() && candidate.has_thumbnail;
-            let measured = match self.kept.find(&name, &images, with_image) {
-                Some(measured) => Ok(measured),
-                None if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) => {
-                    self.left_out += 1;
-                    continue;
-                }
-                None => bench.measure(&mut searches, &candidate, &found.path).and_then(|measured| {
-                    self.kept.keep(&name, &measured, with_image)?;
-                    Ok(measured)
-                }),
-            };
-            // A setting that does not suit an input, such as a codebook larger than its image, is left out.
-            let row = match measured {
-                Ok(Measured { row, decoded, file }) => {
-                    let row = Row { input: input.clone(), ..row };
-                    if let (Some(pictures), Some(decoded), true) = (&mut pictures, &decoded, with_image) {
-                        let place = pictures.add(&row, decoded, file)?;
-                        subject.add(&row, decoded, place);
-                    }
-                    row
-                }
-                Err(error) => {
-                    let Candidate { codec, settings, .. } = &candidate;
-                    progress.mention(&format!("left out: {codec} {settings}: {}", explain(&error)));
-                    continue;
-                }
-            };
-            progress.say(&row.line());
+            let measure = || bench.measure(&mut searches, &candidate, &found.path);
+            let name = self.kept.name(&hash, &candidate);
+            let measured = self.measured(&name, info, with_image, measure);
+            let what = format!("{} {}", candidate.codec, candidate.settings);
+            let Some(Measured { row, decoded, file }) = self.said(measured, &what) else { continue };
+            let row = Row { input: input.clone(), ..row };
+            if let (Some(pictures), Some(decoded), true) = (&mut pictures, &decoded, with_image) {
+                let place = pictures.add(&row, decoded, file)?;
+                subject.add(&row, decoded, place);
+            }
+            self.progress.say(&row.line());
             rows.push(row);
         }
         Ok((rows, subject))
+    }
+
+    /// A setting as it was kept, or measured now; `None` where there is no time left.
+    fn measured(
+        &mut self,
+        name: &str,
+        info: PixelInfo,
+        with_image: bool,
+        measure: impl FnOnce() -> Result<Measured, CliError>,
+    ) -> Result<Option<Measured>, CliError> {
+        if let Some(measured) = self.kept.find(name, info, with_image) {
+            return Ok(Some(measured));
+        }
+        if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            self.left_out += 1;
+            return Ok(None);
+        }
+        let measured = measure()?;
+        self.kept.keep(name, &measured, with_image)?;
+        Ok(Some(measured))
+    }
+
+    /// Says why a setting is left out that does not suit an input, such as a codebook larger than its image.
+    fn said(&self, measured: Result<Option<Measured>, CliError>, what: &str) -> Option<Measured> {
+        measured.unwrap_or_else(|error| {
+            self.progress.mention(&format!("left out: {what}: {}", explain(&error)));
+            None
+        })
     }
 
     /// The images of an input; says what is noteworthy of them.

@@ -10,7 +10,7 @@ use texfold_core::image::Raster;
 use super::measure::Bench;
 use super::storage::Storage;
 use super::table::{Row, difference, means, score};
-use super::{chart, equal};
+use super::{chart, equal, light};
 use crate::{png, thumbnail};
 
 /// Side in texels of the images: the middle of each input.
@@ -51,7 +51,7 @@ impl Subject {
 
 const STYLE: &str = ":root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem}\
 table{border-collapse:collapse;font-size:14px}td,th{padding:.2rem .6rem;border-bottom:1px solid #8884;text-align:right}\
-td:first-child,th:first-child,td.text,th.text{text-align:left}figure{display:inline-block;margin:.3rem}\
+td:first-child,th:first-child,td.text,th.text{text-align:left;white-space:nowrap}figure{display:inline-block;margin:.3rem}\
 figcaption{font-size:13px;max-width:22rem}img{image-rendering:pixelated;margin-right:3px;vertical-align:top}\
 svg{width:100%;height:auto}.wide{overflow-x:auto}.worse{color:#b3182b}@media(prefers-color-scheme:dark){.worse{color:#ff8f9b}}\
 .charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,27rem),1fr));gap:1rem}\
@@ -74,8 +74,9 @@ pub(crate) fn html(
     let mut page = format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Texfold: {title}</title>\
          <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style>\
-         <h1>Texfold: {title}</h1><p>Means over {} inputs. Click a name to switch its series; point at a mark to read it.</p>",
-        subjects.len()
+         <h1>Texfold: {title}</h1><p>Means over {} input{}. Click a name to switch its series; point at a mark to read it.</p>",
+        subjects.len(),
+        if subjects.len() == 1 { "" } else { "s" }
     );
     if left_out > 0 {
         write!(
@@ -83,22 +84,18 @@ pub(crate) fn html(
             "<p><strong>{left_out} settings are not measured yet</strong>: the time did not suffice. The same command goes on.</p>"
         )?;
     }
-    let comparable = chart::comparable(&means);
-    if comparable.len() < means.len() {
+    let (of_light, of_images): (Vec<Row>, Vec<Row>) = rows.iter().cloned().partition(light::is_light);
+    if !of_images.is_empty() {
+        section(&mut page, &of_images)?;
+    }
+    if !of_light.is_empty() {
         write!(
             page,
-            "<p>Charts hold the {} settings that most inputs have; {} more, of fewer inputs, are in the table below.</p>",
-            comparable.len(),
-            means.len() - comparable.len()
+            "<h2>Captures</h2><p>PSNR and SSIMULACRA2 are of photographs that none of the ways has seen, of the object's pixels; bits a texel \
+             count the object's pixels in all photographs. Photographs are kept as JPEG textures with the mesh.</p>"
         )?;
+        section(&mut page, &of_light)?;
     }
-    let (legend, charts) = chart::svgs(&comparable);
-    write!(page, "{legend}<div class=\"charts\">")?;
-    for svg in charts {
-        write!(page, "<figure class=\"curves\">{svg}<output></output></figure>")?;
-    }
-    page.push_str("</div>");
-    page.push_str(&equal::tables(rows));
     page.push_str(&circumstances(bench));
     write!(page, "<h2>Means over the inputs</h2>{}", table(&means))?;
     write!(
@@ -119,6 +116,28 @@ pub(crate) fn html(
     }
     writeln!(page, "<script>{}</script></html>", texfold_chart::SCRIPT)?;
     Ok(page)
+}
+
+/// Charts and bits at equal quality.
+fn section(page: &mut String, rows: &[Row]) -> Result<(), Fault> {
+    let means = means(rows);
+    let comparable = chart::comparable(&means);
+    if comparable.len() < means.len() {
+        write!(
+            page,
+            "<p>Charts hold the {} settings that most inputs have; {} more, of fewer inputs, are in the table below.</p>",
+            comparable.len(),
+            means.len() - comparable.len()
+        )?;
+    }
+    let (legend, charts) = chart::svgs(&comparable);
+    write!(page, "{legend}<div class=\"charts\">")?;
+    for svg in charts {
+        write!(page, "<figure class=\"curves\">{svg}<output></output></figure>")?;
+    }
+    page.push_str("</div>");
+    page.push_str(&equal::tables(rows));
+    Ok(())
 }
 
 /// What was measured how, and what was not there.

@@ -69,7 +69,7 @@ impl Row {
 
     /// The setting and what it reaches, for captions.
     pub(crate) fn title(&self) -> String {
-        format!("{} {}: {:.2} dB at {:.2} bits", self.codec, self.settings, self.psnr, self.bpp_memory)
+        format!("{}, {}: {:.2} dB at {:.2} bits", self.series, self.settings, self.psnr, self.bpp_memory)
     }
 
     /// CPU seconds of encoding a megatexel.
@@ -128,10 +128,10 @@ fn quoted(field: &str) -> String {
 pub(crate) fn means(rows: &[Row]) -> Vec<Row> {
     let mut groups: Vec<(&str, &str, Vec<&Row>)> = Vec::new();
     for row in rows {
-        match groups.iter_mut().find(|(codec, settings, _)| *codec == row.codec && *settings == row.settings)
-        {
+        let of = (row.series.as_str(), row.settings.as_str());
+        match groups.iter_mut().find(|(series, settings, _)| (*series, *settings) == of) {
             Some((_, _, group)) => group.push(row),
-            None => groups.push((&row.codec, &row.settings, vec![row])),
+            None => groups.push((of.0, of.1, vec![row])),
         }
     }
     groups.into_iter().map(|(_, _, group)| mean(&group)).collect()
@@ -197,6 +197,9 @@ pub(super) mod tests {
     #[test]
     fn means_are_over_the_inputs_that_have_a_setting() {
         let rows = [row("a", "x", 30.0, None), row("a", "y", 31.0, None), row("b", "x", 34.0, Some(2.0))];
+        // A setting of that name of another series is another one.
+        let other = Row { series: "other".to_owned(), ..row("a", "x", 99.0, None) };
+        assert_eq!(means(&[rows.to_vec(), vec![other]].concat()).len(), 3);
         let means = means(&rows);
         let found: Vec<(&str, f64, Option<f64>)> = means
             .iter()

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use texfold::{
-    core::{Capture, Photograph},
+    core::{Camera, Capture, Photograph},
     file_of,
     lightfield::{LightQuality, LightTexture, Lightfield, Renderer},
 };
@@ -74,7 +74,9 @@ impl FolderTask<LightSettings> {
         let psnr = quality.psnr_of_terms.get(terms).copied().unwrap_or(quality.psnr);
         let goal = self.settings.params.psnr.map(Goal::Psnr);
         let camera = source.views[0].camera;
-        let Similarity { ssim, ssimulacra2, views } = similarity(&source.views, &texture);
+        let renderer = Renderer::new(&texture);
+        let Similarity { ssim, ssimulacra2, views } =
+            similarity(&source.views, SIMILAR_VIEWS, |camera| renderer.render(camera));
         let (new, warning) = self.new_views(&texture);
         let missed = goal.and_then(|goal| light_missed(goal, psnr));
         Ok(Row {
@@ -117,7 +119,8 @@ impl FolderTask<LightSettings> {
         let Some(cameras) = capture::test_cameras(&self.found.path) else { return (None, None) };
         match capture::read_some(&cameras, SIMILAR_VIEWS) {
             Ok(photographs) => {
-                let views = similarity(&photographs, texture).views;
+                let renderer = Renderer::new(texture);
+                let views = similarity(&photographs, SIMILAR_VIEWS, |camera| renderer.render(camera)).views;
                 (Some(Views { are_new: true, ..views }), None)
             }
             Err(error) => (None, Some(format!("its views for tests are not compared: {}", explain(&error)))),
@@ -126,32 +129,36 @@ impl FolderTask<LightSettings> {
 }
 
 /// Photographs beside the same views drawn again; what the mask leaves out is black in both.
-struct Similarity {
+pub(crate) struct Similarity {
     /// Mean structural similarity.
-    ssim: f64,
+    pub(crate) ssim: f64,
     /// Mean SSIMULACRA2, where it is defined.
-    ssimulacra2: Option<f64>,
-    views: Views,
+    pub(crate) ssimulacra2: Option<f64>,
+    pub(crate) views: Views,
 }
 
-/// Compares some photographs, spread over all.
-fn similarity(photographs: &[Photograph], texture: &LightTexture) -> Similarity {
-    let renderer = Renderer::new(texture);
-    let step = photographs.len().div_ceil(SIMILAR_VIEWS).max(1);
+/// RGB where a photograph shows the object, black around it.
+pub(crate) fn masked(pixels: &[[u8; 4]], view: &Photograph) -> Vec<u8> {
+    let keep = |(pixel, mask): (&[u8; 4], &[u8; 4])| {
+        if mask[3] > 127 { [pixel[0], pixel[1], pixel[2]] } else { [0; 3] }
+    };
+    pixels.iter().zip(&view.pixels).flat_map(keep).collect()
+}
+
+/// Compares at most so many photographs, spread over all, with what `draw` gives for their cameras.
+pub(crate) fn similarity(
+    photographs: &[Photograph],
+    count: usize,
+    draw: impl Fn(&Camera) -> Vec<[u8; 4]>,
+) -> Similarity {
+    let step = photographs.len().div_ceil(count).max(1);
     let (mut sum, mut perceived, mut error) = ((0.0, 0), Vec::new(), SquaredError::default());
     for view in photographs.iter().step_by(step) {
-        let masked = |pixels: &[[u8; 4]]| -> Vec<u8> {
-            let keep = |(pixel, mask): (&[u8; 4], &[u8; 4])| {
-                if mask[3] > 127 { [pixel[0], pixel[1], pixel[2]] } else { [0; 3] }
-            };
-            pixels.iter().zip(&view.pixels).flat_map(keep).collect()
-        };
-        let drawn = renderer.render(&view.camera);
         let raster = |pixels: &[[u8; 4]]| {
             let (width, height) = (view.camera.width, view.camera.height);
-            Raster::from_u8(width, height, 3, ColorSpace::Srgb, &masked(pixels))
+            Raster::from_u8(width, height, 3, ColorSpace::Srgb, &masked(pixels, view))
         };
-        if let (Ok(wanted), Ok(found)) = (raster(&view.pixels), raster(&drawn)) {
+        if let (Ok(wanted), Ok(found)) = (raster(&view.pixels), raster(&draw(&view.camera))) {
             sum = (sum.0 + ssim(&wanted, &found), sum.1 + 1);
             perceived.push((ssimulacra2(&wanted, &found), 1.0));
             let inside = view.pixels.iter().filter(|pixel| pixel[3] > 127).count() as u64;

@@ -8,7 +8,7 @@ mod cache;
 mod encode;
 mod folder;
 mod grow;
-mod light;
+pub(crate) mod light;
 mod schedule;
 mod task;
 mod zoom;

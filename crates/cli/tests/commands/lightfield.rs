@@ -275,3 +275,30 @@ fn faults_of_captures_are_named() {
     let image = place.run("render out/a.txf --camera ball/transforms.json --out views --cpu");
     assert!(image.code == Some(1) && image.stderr.contains("not a light field"), "{}", image.stderr);
 }
+
+#[test]
+fn a_capture_is_compared_with_photographs_and_harmonics_on_views_that_none_has_seen() {
+    let place = Place::new();
+    let ball = texfold_testkit::fixtures_dir().join("captures/ball");
+    let run = place.run(&format!("compare {} --out out", ball.display()));
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let rows: Vec<serde_json::Value> =
+        serde_json::from_slice(&fs::read(place.at("out/results.json")).unwrap()).unwrap();
+    let figures = |series: &str, name: &str| -> Vec<f64> {
+        let of = rows.iter().filter(|row| row["series"] == series);
+        of.map(|row| row[name].as_f64().unwrap()).collect()
+    };
+    let blended = figures("blend of three photographs", "psnr");
+    let nearest = figures("nearest photograph", "psnr");
+    assert_eq!((blended.len(), nearest.len()), (4, 4));
+    // Of all photographs a blend is above the nearest one, and what codes them better is better.
+    assert!(blended[3] > nearest[3] + 0.5 && blended[3] > blended[2], "{blended:?} {nearest:?}");
+    let ours = figures("light field", "psnr");
+    assert!(ours.is_sorted() && figures("light field", "bpp_disk").is_sorted(), "{ours:?}");
+    assert!(ours[3] > figures("one colour a place, dct", "psnr")[0] + 1.0, "{ours:?}");
+    // The ball shines: harmonics follow it no more than a little.
+    let harmonics = figures("harmonics a vertex", "psnr");
+    assert!(harmonics.len() == 3 && harmonics[2] > harmonics[0], "{harmonics:?}");
+    let page = fs::read_to_string(place.at("out/report.html")).unwrap();
+    assert!(page.contains("<h2>Captures</h2>") && page.contains("blend of three photographs = 100 %"));
+}

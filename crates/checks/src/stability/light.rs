@@ -15,6 +15,7 @@ use texfold::{
 use texfold_testkit::capture::{Look, camera, eyes, icosphere, photograph, sphere};
 use texfold_testkit::rng::Rng;
 
+use super::atlas::{Failure, Picture, falls, sentence};
 use super::guard::guarded;
 use super::record::{self, Check, Curve, Point, Row};
 use super::{Extent, Outcome, Tools, page};
@@ -317,6 +318,10 @@ struct Sweep {
     capture: fn(f64) -> Capture,
 }
 
+/// Titles of charts begin so, and these are their lines.
+const TITLE: &str = "Light field: ";
+const MEAN_LINE: &str = "the mean alone";
+const TERMS_LINE: &str = "mean and terms";
 /// Values of [`Sweep::values`] that a quick run takes.
 const QUICK: usize = 3;
 /// Photographs where their number is not what is varied.
@@ -389,13 +394,52 @@ pub(super) fn curves(extent: Extent) -> Outcome<Vec<Curve>> {
             (name.to_owned(), values.iter().zip(&found).filter_map(point).collect())
         };
         Curve {
-            title: format!("Light field: {}", sweep.title),
+            title: format!("{TITLE}{}", sweep.title),
             across: sweep.across,
             up: "PSNR of views that no photograph shows, dB",
-            lines: vec![line("the mean alone", 0), line("mean and terms", 1)],
+            lines: vec![line(MEAN_LINE, 0), line(TERMS_LINE, 1)],
         }
     };
     Ok(SWEEPS.iter().map(curve).collect())
+}
+
+/// What light fields withstand least, by the charts of [`curves`]; pictures are of a view that no photograph shows.
+///
+/// # Errors
+/// Where a picture cannot be made.
+pub(super) fn failure(curves: &[Curve]) -> Outcome<Failure> {
+    let falls = falls(curves.iter().filter(|curve| curve.title.starts_with(TITLE)), TERMS_LINE, None);
+    let mean = |x: f64| {
+        let (_, points) = falls.first()?.curve.lines.iter().find(|(name, _)| name == MEAN_LINE)?;
+        points.iter().find(|point| point.x == x).map(|point| point.y)
+    };
+    let is_no_better = |point: &Point| mean(point.x).is_some_and(|mean| point.y <= mean + SLACK_DB);
+    let fallback = match falls.first().and_then(|fall| fall.values_where(is_no_better)) {
+        Some(values) => format!("and terms are worth nothing beside the mean at {values}"),
+        None => "and terms are above the mean alone at each value".to_owned(),
+    };
+    let name = |title: &str| title.trim_start_matches(TITLE).to_owned();
+    let sentence = sentence("lightfield", &falls, name, "dB of new views", &fallback);
+    let unseen = unseen();
+    let view = &unseen[0];
+    let mut pictures = vec![Picture {
+        png: page::png_of_pixels(&view.pixels, (SIZE, SIZE))?,
+        caption: "a new view".to_owned(),
+    }];
+    if let Some(fall) = falls.first() {
+        let sweep = &SWEEPS[fall.index];
+        for value in [fall.best.x, fall.worst.x] {
+            let params = LightParams::default().with_terms(TERMS);
+            let (texture, _) =
+                Lightfield::encode_measured(&(sweep.capture)(value), &params, &mut Job::default())?;
+            let drawn = Renderer::new(&texture).render(&view.camera);
+            pictures.push(Picture {
+                png: page::png_of_pixels(&drawn, (SIZE, SIZE))?,
+                caption: format!("{value}: drawn"),
+            });
+        }
+    }
+    Ok(Failure { method: "lightfield".to_owned(), sentence, pictures })
 }
 
 /// Views between those of all captures.

@@ -4,6 +4,7 @@
 //! a typed error; never a panic, a hang, a value that is no number, or more bytes than the plain form and its header. Beside it charts of where each
 //! method stops working. `--full` takes more values of each chart and more forged files.
 
+mod atlas;
 mod files;
 mod guard;
 mod images;
@@ -22,6 +23,7 @@ use serde_json::json;
 use texfold::EncodeError;
 use texfold_gpu::{Gpu, Policy};
 
+use atlas::Failure;
 use record::{Check, Curve, Row};
 
 /// What may go wrong before anything is measured.
@@ -129,7 +131,8 @@ fn measured(args: &StabilityArgs) -> Outcome<usize> {
     std::panic::set_hook(hook);
     done?;
     let curves = if extent == Extent::Bounds { Vec::new() } else { all_curves(extent)? };
-    write(args, &tools, &rows, &curves)?;
+    let failures = if extent == Extent::Bounds { Vec::new() } else { all_failures(&curves)? };
+    write(args, &tools, &rows, (&curves, &failures))?;
     let broken = rows.iter().filter(|row| !row.holds()).count();
     println!(
         "{} results, {broken} break a bound; {} charts in {}",
@@ -154,14 +157,30 @@ fn all_curves(extent: Extent) -> Outcome<Vec<Curve>> {
     Ok(curves)
 }
 
-fn write(args: &StabilityArgs, tools: &Tools, rows: &[Row], curves: &[Curve]) -> Outcome<()> {
+/// Where each method stops working.
+fn all_failures(curves: &[Curve]) -> Outcome<Vec<Failure>> {
+    let mut failures = images::failures(curves)?;
+    failures.push(light::failure(curves)?);
+    failures.push(zoom::failure(curves)?);
+    Ok(failures)
+}
+
+fn write(
+    args: &StabilityArgs,
+    tools: &Tools,
+    rows: &[Row],
+    (curves, failures): (&[Curve], &[Failure]),
+) -> Outcome<()> {
     let results = json!({
         "adapter": tools.gpu.as_ref().map(|gpu| gpu.info().name),
         "rows": rows.iter().map(Row::json).collect::<Vec<_>>(),
         "curves": curves.iter().map(Curve::json).collect::<Vec<_>>(),
+        "failures": failures.iter().map(|failure| json!({
+            "method": failure.method, "sentence": failure.sentence,
+        })).collect::<Vec<_>>(),
     });
     fs::write(args.out.join("results.json"), serde_json::to_vec_pretty(&results)?)?;
     let about: Vec<_> = [images::about(), light::about(), zoom::about(), files::about()].concat();
-    fs::write(args.out.join("report.html"), page::html(tools, rows, curves, &about))?;
+    fs::write(args.out.join("report.html"), page::html(tools, rows, (curves, failures), &about))?;
     Ok(())
 }

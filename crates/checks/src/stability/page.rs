@@ -8,6 +8,7 @@ use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use texfold::core::image::Raster;
 use texfold_chart::{Axis, Chart, Kind, Names, Point, SMALL, Scale, Series, escaped, short};
 
+use super::atlas::{Failure, Picture};
 use super::record::{Bound, Check, Curve, Outcome as Result, Row};
 use super::{Outcome, Tools};
 
@@ -20,11 +21,16 @@ const STYLE: &str = "\
 body{font:16px/1.5 system-ui,sans-serif;max-width:76rem;margin:2rem auto;padding:0 1rem;color:var(--ink);background:var(--paper)}\
 table{border-collapse:collapse;font-size:14px}td,th{padding:.2rem .6rem;border-bottom:1px solid var(--rule);text-align:left;vertical-align:top}\
 .wide{overflow-x:auto}.bad{color:var(--bad);font-weight:600}.good{color:var(--good)}\
-img{image-rendering:pixelated;width:96px;margin-right:4px}summary{cursor:pointer}\
+img{image-rendering:pixelated;width:96px;margin-right:4px}figure{display:inline-block;margin:0 .6rem .6rem 0}figure img{width:160px}figcaption{font-size:13px}summary{cursor:pointer}\
 .charts{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,24rem),1fr));gap:1rem}svg{width:100%;height:auto}";
 
 /// The whole page.
-pub(super) fn html(tools: &Tools, rows: &[Row], curves: &[Curve], about: &[(&str, &str)]) -> String {
+pub(super) fn html(
+    tools: &Tools,
+    rows: &[Row],
+    (curves, failures): (&[Curve], &[Failure]),
+    about: &[(&str, &str)],
+) -> String {
     let broken = rows.iter().filter(|row| !row.holds()).count();
     let mut page = format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Texfold: stability</title>\
@@ -43,8 +49,14 @@ pub(super) fn html(tools: &Tools, rows: &[Row], curves: &[Curve], about: &[(&str
         if broken == 0 { "good" } else { "bad" },
         overview(rows, about)
     );
+    if !failures.is_empty() {
+        page.push_str("<h2>Where each method stops working</h2>");
+        for failure in failures {
+            page.push_str(&card(failure, rows));
+        }
+    }
     if !curves.is_empty() {
-        page.push_str("<h2>Where methods stop working</h2><p>Hollow points: the method fell back to a plainer form.</p><div class=\"charts\">");
+        page.push_str("<h2>Charts</h2><p>Hollow points: the method fell back to a plainer form.</p><div class=\"charts\">");
         for curve in curves {
             page.push_str(&svg(curve));
         }
@@ -57,6 +69,28 @@ pub(super) fn html(tools: &Tools, rows: &[Row], curves: &[Curve], about: &[(&str
     }
     page.push_str("</html>\n");
     page
+}
+
+/// A method's failure with its pictures, and what its results keep.
+fn card(failure: &Failure, rows: &[Row]) -> String {
+    let of_method = || rows.iter().filter(|row| row.codec.split([' ', ',']).next() == Some(&failure.method));
+    let made = of_method().filter(|row| matches!(row.outcome, Result::Made { .. })).count();
+    let broken = of_method().filter(|row| !row.holds()).count();
+    let refused = of_method().filter(|row| matches!(row.outcome, Result::Refused(_))).count();
+    let mut text = format!(
+        "<h3>{}</h3><p>{} Over all regimes {made} results, {broken} beyond a bound, and {refused} refusals with a reason.</p>",
+        escaped(&failure.method),
+        escaped(&failure.sentence)
+    );
+    for Picture { png, caption } in &failure.pictures {
+        let _ = write!(
+            text,
+            "<figure><img alt=\"{0}\" src=\"data:image/png;base64,{1}\"><figcaption>{0}</figcaption></figure>",
+            escaped(caption),
+            BASE64_STANDARD.encode(png)
+        );
+    }
+    text
 }
 
 fn svg(curve: &Curve) -> String {

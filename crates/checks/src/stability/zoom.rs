@@ -16,6 +16,7 @@ use texfold::{
 use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
 use texfold_testkit::rng::Rng;
 
+use super::atlas::{Failure, Picture, falls, sentence};
 use super::guard::guarded;
 use super::page::png;
 use super::record::{self, Check, Curve, Point, Row};
@@ -317,6 +318,9 @@ struct Sweep {
     photos: fn(&Leaves, f64, &mut Rng) -> ([Raster; 2], DMat3),
 }
 
+/// What charts of pairs have upwards, and their line.
+const UP_SHARE: &str = "per cent of pairs found within 2 pixels";
+const SHARE_LINE: &str = "pairs found";
 /// Values that a quick run takes, and pairs at each value: quick and full.
 const QUICK: usize = 3;
 const PAIRS: [u64; 2] = [4, 10];
@@ -387,6 +391,31 @@ pub(super) fn curves(extent: Extent) -> Outcome<Vec<Curve>> {
     Ok(all)
 }
 
+/// What registration withstands least, by the charts of [`curves`]; pictures are pairs of photographs.
+///
+/// # Errors
+/// Where a picture cannot be made.
+pub(super) fn failure(curves: &[Curve]) -> Outcome<Failure> {
+    let falls = falls(curves.iter().filter(|curve| curve.up == UP_SHARE), SHARE_LINE, None);
+    let name = |title: &str| title.split(": ").nth(1).unwrap_or_default().to_owned();
+    let fallback = match falls.first().and_then(|fall| fall.values_where(|point| point.y < 50.0)) {
+        Some(values) => format!("and less than half of the pairs are found at {values}"),
+        None => "and half of the pairs and more are found at each value".to_owned(),
+    };
+    let sentence = sentence("zipmap", &falls, name, "per cent of pairs placed within 2 pixels", &fallback);
+    let mut pictures = Vec::new();
+    if let Some(fall) = falls.first() {
+        for value in [fall.best.x, fall.worst.x] {
+            let leaves = Leaves::new(100, 60_000);
+            let (photos, _) = (SWEEPS[fall.index].photos)(&leaves, value, &mut Rng::new(0));
+            for (photo, what) in photos.iter().zip(["whole", "close-up"]) {
+                pictures.push(Picture { png: png(photo)?, caption: format!("{value}: {what}") });
+            }
+        }
+    }
+    Ok(Failure { method: "zipmap".to_owned(), sentence, pictures })
+}
+
 /// Shares of pairs that are found, and how far off.
 fn registration(sweep: &Sweep, extent: Extent) -> [Curve; 2] {
     let full = extent == Extent::Full;
@@ -419,7 +448,7 @@ fn registration(sweep: &Sweep, extent: Extent) -> [Curve; 2] {
         }
     };
     [
-        curve("per cent of pairs found within 2 pixels", "pairs found", &share),
+        curve(UP_SHARE, SHARE_LINE, &share),
         curve("median distance from its place, pixels", "distance of those placed", &median),
     ]
 }

@@ -74,7 +74,7 @@ pub(crate) fn html(
     let mut page = format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Texfold: {title}</title>\
          <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style>\
-         <h1>Texfold: {title}</h1><p>Means over {} input{}. Click a name to switch its series; point at a mark to read it.</p>",
+         <h1>Texfold: {title}</h1><p>Mean qualities over {} input{}, and all their bits over all their texels. Click a name to switch its series; point at a mark to read it.</p>",
         subjects.len(),
         if subjects.len() == 1 { "" } else { "s" }
     );

@@ -124,7 +124,7 @@ fn quoted(field: &str) -> String {
     field.to_owned()
 }
 
-/// One row for each setting: the mean over the inputs that have it, in the order of first appearance.
+/// One row for each setting: mean qualities of the inputs that have it, and all their bits over all their texels, in the order of first appearance.
 pub(crate) fn means(rows: &[Row]) -> Vec<Row> {
     let mut groups: Vec<(&str, &str, Vec<&Row>)> = Vec::new();
     for row in rows {
@@ -143,22 +143,30 @@ fn mean(group: &[&Row]) -> Row {
         (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
     };
     let figure = |figure: fn(&Row) -> f64| mean_of(&|row| Some(figure(row))).unwrap_or(0.0);
+    // Sums over sums: an image of a few texels, which is all header, weighs what it is.
+    let weighed = |figure: &dyn Fn(&Row) -> Option<f64>| {
+        let known = group.iter().filter_map(|row| Some((figure(row)? * row.texels, row.texels)));
+        let sums = known.fold((0.0, 0.0), |sums, (figure, texels)| (sums.0 + figure, sums.1 + texels));
+        (sums.1 > 0.0).then(|| sums.0 / sums.1)
+    };
+    let bits = |figure: fn(&Row) -> f64| weighed(&|row| Some(figure(row))).unwrap_or(0.0);
+    let speed = |figure: fn(&Row) -> Option<f64>| weighed(&|row| figure(row).map(f64::recip)).map(f64::recip);
     Row {
         input: String::new(),
         codec: group[0].codec.clone(),
         settings: group[0].settings.clone(),
-        bpp_memory: figure(|row| row.bpp_memory),
-        bpp_disk: figure(|row| row.bpp_disk),
+        bpp_memory: bits(|row| row.bpp_memory),
+        bpp_disk: bits(|row| row.bpp_disk),
         psnr: figure(|row| row.psnr),
         ssim: figure(|row| row.ssim),
         ssimulacra2: mean_of(&|row| row.ssimulacra2),
         butteraugli: mean_of(&|row| row.butteraugli),
         encode_seconds: figure(|row| row.encode_seconds),
         texels: figure(|row| row.texels),
-        decode_cpu_texels_per_second: mean_of(&|row| row.decode_cpu_texels_per_second),
-        decode_gpu_texels_per_second: mean_of(&|row| row.decode_gpu_texels_per_second),
+        decode_cpu_texels_per_second: speed(|row| row.decode_cpu_texels_per_second),
+        decode_gpu_texels_per_second: speed(|row| row.decode_gpu_texels_per_second),
         random_access: group[0].random_access,
-        bpp_resident: figure(|row| row.bpp_resident),
+        bpp_resident: bits(|row| row.bpp_resident),
         series: group[0].series.clone(),
         encode_cpu_seconds: mean_of(&|row| row.encode_cpu_seconds),
         size: group[0].size,
@@ -197,6 +205,10 @@ pub(super) mod tests {
     #[test]
     fn means_are_over_the_inputs_that_have_a_setting() {
         let rows = [row("a", "x", 30.0, None), row("a", "y", 31.0, None), row("b", "x", 34.0, Some(2.0))];
+        // Bits are over all texels: a large image weighs more.
+        let large = Row { texels: 300.0, bpp_memory: 8.0, ..row("c", "x", 32.0, None) };
+        let of_all = means(&[rows.to_vec(), vec![large]].concat());
+        assert_eq!((of_all[0].bpp_memory, of_all[0].psnr, of_all[0].texels), (6.4, 32.0, 500.0 / 3.0));
         // A setting of that name of another series is another one.
         let other = Row { series: "other".to_owned(), ..row("a", "x", 99.0, None) };
         assert_eq!(means(&[rows.to_vec(), vec![other]].concat()).len(), 3);

@@ -30,7 +30,7 @@ use super::page::png;
 use super::record::{self, Check, Row};
 use super::{Extent, Outcome, Tools};
 use regimes::{REGIMES, Regime};
-pub(super) use sweeps::curves;
+pub(super) use sweeps::{curves, failures};
 
 /// What images are encoded for.
 const GOAL_DB: f64 = 30.0;

@@ -6,13 +6,15 @@
 use glam::DVec2;
 use rayon::prelude::*;
 use texfold::core::image::{ImageSet, Raster};
-use texfold::core::metric::measure;
+use texfold::core::metric::{decode_image, measure};
 use texfold::{
-    Access, Choice, EncodeSettings, Goal, Guidance, Job, Texel, encode_images, encoding::ENCODINGS,
+    AnyImage, Choice, EncodeSettings, Goal, Guidance, Job, Texel, encode_images, encoding::ENCODINGS,
 };
 use texfold_testkit::leaves::{Leaves, Lens, photograph};
 
 use super::settings;
+use crate::stability::atlas::{Failure, Picture, falls, sentence};
+use crate::stability::page::png;
 use crate::stability::record::{Curve, Point};
 use crate::stability::{Extent, Outcome};
 
@@ -20,6 +22,8 @@ use crate::stability::{Extent, Outcome};
 const AT_DB: f64 = 32.0;
 /// Bits a texel at which quality is taken.
 const AT_BPP: f64 = 1.0;
+/// What charts have upwards at that number.
+const UP_AT_BPP: &str = "PSNR at 1 bit a texel, dB";
 /// PSNR above which charts would show nothing else.
 const CEILING_DB: f64 = 60.0;
 /// Cells a side, and texels a side of a cell: no multiple of a block.
@@ -104,15 +108,48 @@ pub(in crate::stability) fn curves(extent: Extent) -> Outcome<Vec<Curve>> {
         let values = taken(&sweep.values, extent);
         let mosaics: Vec<ImageSet> =
             values.iter().map(|&value| mosaic(&leaves, (sweep.mosaic)(value))).collect::<Outcome<_>>()?;
-        for (goal, up) in
-            [(Goal::Psnr(AT_DB), "bits a texel at 32 dB"), (Goal::Bpp(AT_BPP), "PSNR at 1 bit a texel, dB")]
-        {
+        for (goal, up) in [(Goal::Psnr(AT_DB), "bits a texel at 32 dB"), (Goal::Bpp(AT_BPP), UP_AT_BPP)] {
             let at = |index: usize| (&mosaics[index], goal);
             let lines = lines(&values, at);
             all.push(Curve { title: format!("{}: {up}", sweep.title), across: sweep.across, up, lines });
         }
     }
     all.extend(tolerances(&leaves, extent)?);
+    Ok(all)
+}
+
+/// What each codec withstands least, of what is varied at [`AT_BPP`], by the charts of [`curves`].
+///
+/// # Errors
+/// Where a picture cannot be made.
+pub(in crate::stability) fn failures(curves: &[Curve]) -> Outcome<Vec<Failure>> {
+    let leaves = Leaves::new(11, 60_000);
+    let at_equal_bits = || curves.iter().filter(|curve| curve.up == UP_AT_BPP);
+    let mut all = Vec::new();
+    for encoding in ENCODINGS {
+        let codec = encoding.id.name;
+        let falls = falls(at_equal_bits(), codec, Some(0.0));
+        let fallback = match falls.first().and_then(|fall| fall.values_where(|point| point.gave_way)) {
+            Some(values) => format!("and falls back to a plainer form at {values}"),
+            None => "and does not fall back to a plainer form".to_owned(),
+        };
+        let name = |title: &str| title.split(':').next().unwrap_or_default().to_owned();
+        let sentence = sentence(codec, &falls, name, "dB at 1 bit a texel", &fallback);
+        let mut pictures = Vec::new();
+        if let Some(fall) = falls.first() {
+            for value in [fall.best.x, fall.worst.x] {
+                let image = mosaic(&leaves, (SWEEPS[fall.index].mosaic)(value))?;
+                pictures
+                    .push(Picture { png: png(&image.images()[0])?, caption: format!("{value}: encoded") });
+                if let Some(made) = made(codec, &image, Goal::Bpp(AT_BPP)) {
+                    let caption = format!("{value}: {:.1} dB", measure(&image, made.as_encoded()).psnr);
+                    let decoded = decode_image(made.as_encoded(), 0, 0).ok_or("level 0 is missing")?;
+                    pictures.push(Picture { png: png(&decoded)?, caption });
+                }
+            }
+        }
+        all.push(Failure { method: codec.to_owned(), sentence, pictures });
+    }
     Ok(all)
 }
 
@@ -181,11 +218,18 @@ fn lines_of<'i>(
     ENCODINGS.iter().zip(found.chunks(values.len())).map(of_codec).collect()
 }
 
-fn encoded(codec: &str, images: &ImageSet, goal: Goal) -> Option<Found> {
+fn made(codec: &str, images: &ImageSet, goal: Goal) -> Option<AnyImage> {
     // PSNR is what is charted: where bits are the goal, squares are to count.
     let metric = Some(texfold::Metric::Psnr);
-    let settings = EncodeSettings { metric, ..settings(&Choice::named(codec)?, Access::Block, goal) };
-    let made = encode_images(images, Guidance::default(), &settings, &mut Job::default()).ok()?;
+    let encoding = ENCODINGS.iter().find(|encoding| encoding.id.name == codec)?;
+    let metric = metric.filter(|_| encoding.has_metric);
+    let usual = *encoding.accesses.first()?;
+    let settings = EncodeSettings { metric, ..settings(&Choice::named(codec)?, usual, goal) };
+    encode_images(images, Guidance::default(), &settings, &mut Job::default()).ok()
+}
+
+fn encoded(codec: &str, images: &ImageSet, goal: Goal) -> Option<Found> {
+    let made = made(codec, images, goal)?;
     let measured = measure(images, made.as_encoded());
     let gave_way = made.as_encoded().codec().name != codec;
     Some(Found { psnr: measured.psnr.min(CEILING_DB), bpp: measured.bpp, gave_way })

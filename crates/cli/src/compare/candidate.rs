@@ -54,6 +54,13 @@ pub(crate) struct Candidate {
     pub(crate) way: Way,
 }
 
+impl Candidate {
+    /// Codec, series and settings.
+    pub(super) fn words(&self) -> (&str, &str, &str) {
+        (self.codec, &self.series, &self.settings)
+    }
+}
+
 /// How a candidate is made.
 #[derive(Debug, Clone)]
 pub(crate) enum Way {

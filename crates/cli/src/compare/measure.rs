@@ -16,7 +16,7 @@ use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};
 use super::candidate::{Candidate, Way};
 use super::jpeg;
 use super::rival::{Astcenc, Coded};
-use super::storage::{File, Storage};
+use super::storage::{self, File, Storage};
 use super::suite::{AstcPreset, Suite};
 use super::table::Row;
 use crate::config::EffortName;
@@ -197,12 +197,12 @@ impl Bench {
                 let preset = self.astc_preset.option();
                 let coded = images.images().iter().map(|image| astcenc.code(image, *side, preset, path));
                 let coded = coded.collect::<Result<_, _>>()?;
-                return Ok(external(images, candidate, coded, Some(clock())));
+                return Ok(external(images, candidate.words(), coded, Some(clock())));
             }
             Way::Jpeg(quality) => {
                 let coded = images.images().iter().map(|image| jpeg::code(image, *quality, path));
                 let coded = coded.collect::<Result<_, _>>()?;
-                return Ok(external(images, candidate, coded, Some(clock())));
+                return Ok(external(images, candidate.words(), coded, Some(clock())));
             }
             Way::Storage(format, goal) => {
                 if searches.stored.0 != format.name() {
@@ -214,7 +214,7 @@ impl Bench {
                 let coded = coded.collect::<Result<Option<Vec<Coded>>, _>>()?;
                 let bits = || CliError::NoSetting { path: path.to_owned(), bpp: *goal };
                 // The time of one of the settings that were tried, by the wall.
-                return Ok(external(images, candidate, coded.ok_or_else(bits)?, None));
+                return Ok(external(images, candidate.words(), coded.ok_or_else(bits)?, None));
             }
         };
         let bytes = image.to_bytes();
@@ -296,7 +296,12 @@ fn size_of_first(images: &ImageSet) -> (u32, u32) {
 }
 
 /// What others have made of each image: our figures judge.
-fn external(images: &ImageSet, candidate: &Candidate, coded: Vec<Coded>, cost: Option<Cost>) -> Measured {
+pub(super) fn external(
+    images: &ImageSet,
+    (codec, series, settings): (&str, &str, &str),
+    coded: Vec<Coded>,
+    cost: Option<Cost>,
+) -> Measured {
     let (mut error, mut similarity) = (SquaredError::default(), 0.0);
     let (mut perceived, mut differences) = (Vec::new(), Vec::new());
     for (image, coded) in images.images().iter().zip(&coded) {
@@ -308,11 +313,11 @@ fn external(images: &ImageSet, candidate: &Candidate, coded: Vec<Coded>, cost: O
     let texels = images.texel_count() as f64;
     let bpp = coded.iter().map(|coded| coded.bits).sum::<u64>() as f64 / texels;
     // A file that is read whole is drawn as plain texels.
-    let is_stored = matches!(candidate.way, Way::Storage(..));
+    let is_stored = storage::names().any(|name| name == codec);
     let row = Row {
         input: String::new(),
-        codec: candidate.codec.to_owned(),
-        settings: candidate.settings.clone(),
+        codec: codec.to_owned(),
+        settings: settings.to_owned(),
         bpp_memory: bpp,
         bpp_resident: if is_stored { 32.0 } else { bpp },
         bpp_disk: bpp,
@@ -325,7 +330,7 @@ fn external(images: &ImageSet, candidate: &Candidate, coded: Vec<Coded>, cost: O
         decode_cpu_texels_per_second: None,
         decode_gpu_texels_per_second: None,
         random_access: u8::from(!is_stored),
-        series: candidate.series.clone(),
+        series: series.to_owned(),
         encode_cpu_seconds: cost.and_then(Cost::known_cpu_seconds),
         size: size_of_first(images),
         inputs: 1,

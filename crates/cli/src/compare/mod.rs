@@ -1,4 +1,5 @@
-//! `compare`: every codec that fits at several settings, beside plain block compression.
+//! `compare`: every codec that fits at several settings, beside plain block compression and other peers; light fields beside photographs and
+//! harmonics; zoom stacks beside the plain texture that they stand for.
 //!
 //! One row for each input and setting; charts over the means of all inputs, with the front of settings that no other
 //! beats in both figures; bits at equal quality; images of what each setting does to the middle of each input.
@@ -18,6 +19,7 @@ mod rival;
 mod storage;
 mod suite;
 mod table;
+mod zoom;
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -38,6 +40,7 @@ use page::Subject;
 use suite::Suite;
 use table::Row;
 use texfold_core::image::{ImageSet, PixelInfo};
+use zoom::Zoom;
 
 pub use measure::cpu_seconds;
 pub use rival::astc_by_astcenc;
@@ -181,30 +184,30 @@ impl Run<'_> {
         let mut rows = Vec::new();
         for candidate in light::candidates() {
             let with_image = with_images && candidate.has_thumbnail;
-            let measure = || scene.measure(&candidate, &found.path);
             let name = self.kept.name(&scene.hash, &candidate);
-            let measured = self.measured(&name, wanted.info(), with_image, measure);
-            let Some(Measured { row, decoded, .. }) = self.said(measured, &candidate.settings) else {
-                continue;
-            };
-            let row = Row { input: input.clone(), ..row };
+            let of = (name.as_str(), wanted.info(), with_image);
+            let measured = self.measured(of, || scene.measure(&candidate, &found.path));
+            let made = self.said(&input, measured, &candidate.settings);
+            let Some(Measured { row, decoded, .. }) = made else { continue };
             if let (Some(decoded), true) = (&decoded, with_image) {
                 subject.add(&row, decoded, None);
             }
-            self.progress.say(&row.line());
             rows.push(row);
         }
         Ok((rows, subject))
     }
 
-    /// All settings on images.
+    /// All settings on images, and on the plain texture that a zoom stack stands for.
     fn compare_images(
         &mut self,
         found: &Found,
         mut pictures: Option<&mut Pictures>,
     ) -> Result<(Vec<Row>, Subject), CliError> {
         let bench = self.bench;
-        let images = self.read(found)?;
+        let (images, zoom) = match found.kind {
+            Kind::Zoom => self.read_zoom(found).map(|zoom| (zoom.plain.clone(), Some(zoom)))?,
+            _ => (self.read(found)?, None),
+        };
         let input = found.path.display().to_string();
         let original = pictures.is_some().then(|| &images.images()[0]);
         let mut subject = Subject::new(&input, original);
@@ -212,32 +215,51 @@ impl Run<'_> {
             pictures.add_original(&input, &images.images()[0])?;
         }
         let (mut rows, hash, info) = (Vec::new(), kept::hash(&images), images.images()[0].info());
-        let mut searches = Searches::new(&images);
-        let effort = bench.effort().effort();
-        for candidate in candidates(self.suite, images.info(), effort, bench.rival(), bench.storage()) {
-            let with_image = pictures.is_some() && candidate.has_thumbnail;
-            let measure = || bench.measure(&mut searches, &candidate, &found.path);
-            let name = self.kept.name(&hash, &candidate);
-            let measured = self.measured(&name, info, with_image, measure);
-            let what = format!("{} {}", candidate.codec, candidate.settings);
-            let Some(Measured { row, decoded, file }) = self.said(measured, &what) else { continue };
-            let row = Row { input: input.clone(), ..row };
+        let with_images = pictures.is_some();
+        let mut take = |measured: Measured, with_image: bool| -> Result<(), CliError> {
+            let Measured { row, decoded, file } = measured;
             if let (Some(pictures), Some(decoded), true) = (&mut pictures, &decoded, with_image) {
                 let place = pictures.add(&row, decoded, file)?;
                 subject.add(&row, decoded, place);
             }
-            self.progress.say(&row.line());
             rows.push(row);
+            Ok(())
+        };
+        let mut searches = Searches::new(&images);
+        let effort = bench.effort().effort();
+        for candidate in candidates(self.suite, images.info(), effort, bench.rival(), bench.storage()) {
+            let with_image = with_images && candidate.has_thumbnail;
+            let name = self.kept.name(&hash, &candidate);
+            let measure = || bench.measure(&mut searches, &candidate, &found.path);
+            let measured = self.measured((&name, info, with_image), measure);
+            let what = format!("{} {}", candidate.codec, candidate.settings);
+            self.said(&input, measured, &what).map_or(Ok(()), |made| take(made, with_image))?;
+        }
+        let of_zoom = zoom.iter().flat_map(|zoom| zoom.candidates().map(move |candidate| (zoom, candidate)));
+        for (zoom, candidate) in of_zoom {
+            let with_image = with_images && candidate.has_thumbnail;
+            let name = self.kept.name(&hash, &candidate);
+            let measure = || zoom.measure(&candidate, &found.path);
+            let measured = self.measured((&name, info, with_image), measure);
+            self.said(&input, measured, &candidate.settings).map_or(Ok(()), |made| take(made, with_image))?;
         }
         Ok((rows, subject))
+    }
+
+    /// A zoom stack; says what is left out of it.
+    fn read_zoom(&self, found: &Found) -> Result<Zoom, CliError> {
+        let options = Options::of_pixels(self.args.color, self.args.alpha);
+        let (zoom, warnings) = Zoom::read(found, &options, self.args.memory.bytes())?;
+        for warning in warnings {
+            self.progress.mention(&format!("warning: {}: {warning}", found.path.display()));
+        }
+        Ok(zoom)
     }
 
     /// A setting as it was kept, or measured now; `None` where there is no time left.
     fn measured(
         &mut self,
-        name: &str,
-        info: PixelInfo,
-        with_image: bool,
+        (name, info, with_image): (&str, PixelInfo, bool),
         measure: impl FnOnce() -> Result<Measured, CliError>,
     ) -> Result<Option<Measured>, CliError> {
         if let Some(measured) = self.kept.find(name, info, with_image) {
@@ -252,12 +274,24 @@ impl Run<'_> {
         Ok(Some(measured))
     }
 
-    /// Says why a setting is left out that does not suit an input, such as a codebook larger than its image.
-    fn said(&self, measured: Result<Option<Measured>, CliError>, what: &str) -> Option<Measured> {
-        measured.unwrap_or_else(|error| {
-            self.progress.mention(&format!("left out: {what}: {}", explain(&error)));
-            None
-        })
+    /// Says what a setting of an input came to; or why it is left out, as a codebook that is larger than its image.
+    fn said(
+        &self,
+        input: &str,
+        measured: Result<Option<Measured>, CliError>,
+        what: &str,
+    ) -> Option<Measured> {
+        match measured {
+            Ok(made) => made.map(|made| {
+                let row = Row { input: input.to_owned(), ..made.row };
+                self.progress.say(&row.line());
+                Measured { row, ..made }
+            }),
+            Err(error) => {
+                self.progress.mention(&format!("left out: {what}: {}", explain(&error)));
+                None
+            }
+        }
     }
 
     /// The images of an input; says what is noteworthy of them.

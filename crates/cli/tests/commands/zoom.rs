@@ -188,3 +188,25 @@ fn files_outside_of_a_folder_are_read_only_when_asked_for() {
     let run = place.run("compress heights --out out --force");
     assert!(run.stderr.contains("lies outside of the folder"), "{}", run.stderr);
 }
+
+#[test]
+fn a_stack_is_compared_with_the_plain_texture_that_it_stands_for() {
+    let place = Place::new();
+    shots(&place);
+    fs::write(place.at("few.toml"), "title = \"few\"\ncodecs = [\"dct\"]\nbpp = [0.25, 1.0]").unwrap();
+    let run = place.run("compare wall --as zoom --suite few.toml --out out");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let rows: Vec<serde_json::Value> =
+        serde_json::from_slice(&fs::read(place.at("out/results.json")).unwrap()).unwrap();
+    // The root has 240x200 pixels, and the patch shows three times as many of them a side.
+    assert!(rows.iter().all(|row| row["size"] == serde_json::json!([960, 800])), "{:?}", rows[0]["size"]);
+    let figures = |series: &str, name: &str| -> Vec<f64> {
+        let of = rows.iter().filter(|row| row["series"] == series);
+        of.map(|row| row[name].as_f64().unwrap()).collect()
+    };
+    let [plain, stack] = ["dct", "zoom stack"].map(|series| figures(series, "psnr"));
+    assert!(plain.len() == 2 && stack.len() == 4 && stack.is_sorted(), "{plain:?} {stack:?}");
+    assert!(figures("zoom stack", "bpp_disk").is_sorted());
+    // What a stack draws is near what its photographs show: no shift, no other exposure.
+    assert!(stack[3] > 36.0, "{stack:?}");
+}

@@ -37,6 +37,8 @@ pub(crate) struct Bench {
     effort: EffortName,
     gpu: Option<Gpu>,
     astcenc: Option<Astcenc>,
+    /// Whether ASTC is compared.
+    wants_rival: bool,
     astc_preset: AstcPreset,
     storage: Option<Vec<Storage>>,
     /// One thread, for the speed of decoding.
@@ -146,6 +148,7 @@ impl Bench {
             effort,
             gpu: Gpu::new(Policy::from_env()).ok(),
             astcenc: Astcenc::find().filter(|_| !suite.astc.is_empty()),
+            wants_rival: !suite.astc.is_empty(),
             astc_preset: suite.astc_preset,
             storage: with_storage.then(Storage::find),
             single: rayon::ThreadPoolBuilder::new().num_threads(1).build().ok(),
@@ -155,6 +158,16 @@ impl Bench {
     /// The rival, where it is installed.
     pub(crate) fn rival(&self) -> Option<&Astcenc> {
         self.astcenc.as_ref()
+    }
+
+    /// Whether the rival is compared where it is installed.
+    pub(crate) fn wants_rival(&self) -> bool {
+        self.wants_rival
+    }
+
+    /// The preset of the rival.
+    pub(crate) fn astc_preset(&self) -> AstcPreset {
+        self.astc_preset
     }
 
     /// Formats for storage whose programs are installed; none where they are not wanted.

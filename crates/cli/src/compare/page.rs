@@ -146,11 +146,15 @@ fn circumstances(bench: &Bench) -> String {
         Some(name) => format!("GPU speeds are of {}: the first image drawn at its own size.", escaped(&name)),
         None => "No GPU adapter was found: GPU speeds are left out.".to_owned(),
     };
-    let rival = if bench.rival().is_some() {
-        "ASTC is by the external program astcenc at its medium preset, its time with decoding."
-    } else {
-        "The external program astcenc was not found: ASTC is left out."
+    let rival = match (bench.rival(), bench.astc_preset()) {
+        (Some(_), preset) => {
+            format!("ASTC is by the external program astcenc {}, its time with decoding.", preset.option())
+        }
+        (None, _) if !bench.wants_rival() => String::new(),
+        (None, _) => "The external program astcenc was not found: ASTC is left out.".to_owned(),
     };
+    let jpeg =
+        "JPEG textures are baseline 4:2:0 with 0.17 bits a texel for the index that decoding by block takes.";
     let storage = match bench.storage() {
         [] if bench.wants_storage() => "No program of a format for storage was found.".to_owned(),
         [] => String::new(),
@@ -167,7 +171,7 @@ fn circumstances(bench: &Bench) -> String {
         "<p>Quality is taken from the bytes of the file that ships; butteraugli alone is better where it is smaller. Compressed bits count all planes, blocks and parameters; \
          a cache of tiles holds them and a pool for all textures together. Bits decoded whole are those of GPU memory where textures in \
          blocks are decoded to plain texels. Encoding uses all \
-         cores at effort {}; CPU decoding one thread, the median of several whole decodes. {gpu} {rival} {storage}</p>",
+         cores at effort {}; CPU decoding one thread, the median of several whole decodes. {gpu} {rival} {jpeg} {storage}</p>",
         bench.effort().name()
     )
 }

@@ -41,7 +41,7 @@ pub enum Command {
     Unpack(UnpackArgs),
     /// Write the decode shaders in the language of another engine.
     Shaders(ShadersArgs),
-    /// Set every codec that fits beside plain block compression.
+    /// Compare codecs with one another and with peers: images, materials, captures, zoom stacks.
     Compare(CompareArgs),
 }
 

@@ -64,7 +64,7 @@ pub struct CompareArgs {
     /// measured stays in it: the same command goes on where it has stopped.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// What an input is; by default a file is an image and a folder is a set.
+    /// What an input is; by default a file is an image, and a folder a capture or a zoom stack where it is one, else a set.
     #[arg(long = "as", value_enum)]
     kind: Option<Kind>,
     /// Which codecs and settings are compared: all, those that suit each codec; rates, the same bits for all; limits, the fewest bits, beside

@@ -6,7 +6,7 @@ use std::io::Cursor;
 use base64::prelude::{BASE64_STANDARD, Engine};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use texfold::core::image::Raster;
-use texfold_chart::{Axis, Chart, Kind, Names, Point, SMALL, Scale, Series, escaped, short};
+use texfold_chart::{Axis, Chart, Kind, NARROW, Names, Point, Scale, Series, escaped, short};
 
 use super::atlas::{Failure, Picture};
 use super::record::{Bound, Check, Curve, Outcome as Result, Row};
@@ -108,7 +108,7 @@ fn svg(curve: &Curve) -> String {
     });
     let series = series.collect();
     let (across, up) = (axis(curve.across), axis(curve.up));
-    Chart { title: &curve.title, across, up, size: SMALL, names: Names::Above, series }.svg()
+    Chart { title: &curve.title, across, up, size: NARROW, names: Names::Above, series }.svg()
 }
 
 /// Regimes by codecs: one word each.

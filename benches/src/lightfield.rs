@@ -26,7 +26,7 @@ use texfold::{
 use texfold_benches::report::{Outcome, Table, cpu_seconds};
 use texfold_chart::{Axis, Chart, Kind, LARGE, Names, Point, Scale, Series};
 use texfold_gpu::{Gpu, Policy};
-use views::{Closeness, closeness, nearest_photograph};
+use views::{Closeness, closeness};
 
 /// Meshes by their triangles, simplified from the capture's own, which is the last.
 const MESHES: [Option<u32>; 4] = [Some(600), Some(1500), Some(3000), None];
@@ -172,7 +172,9 @@ impl Bench {
         let (texture, quality) = Lightfield::encode_measured(&capture, &none, &mut Job::default())?;
         self.row(table, "mean alone", &capture, (&texture, &quality), cpu_seconds() - before);
         let renderer = Renderer::new(&texture);
-        let found = closeness(&self.tests, |camera| nearest_photograph(&capture, &renderer, camera));
+        let found = closeness(&self.tests, |camera| {
+            texfold_cli::draw_photographs(&capture.views, &renderer, camera, false)
+        });
         let mut cells = vec!["nearest photograph".to_owned(), texture.mesh().triangles.len().to_string()];
         cells.extend(["", "", "", "", "", "1", "", "", ""].map(str::to_owned));
         cells.extend([found.psnr, found.worst, found.brightest].map(|value| format!("{value:.2}")));

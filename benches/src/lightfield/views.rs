@@ -1,14 +1,9 @@
 //! How close drawn views come to photographs.
 
-use texfold::{
-    core::{Camera, Capture, Photograph},
-    lightfield::Renderer,
-};
+use texfold::core::{Camera, Photograph};
 
 /// Share of the object's pixels that are called brightest.
 const BRIGHTEST: f64 = 0.1;
-/// Distances of two hits on one ray that are one place, as a share.
-const SAME_PLACE: f32 = 2e-3;
 
 /// How close views come.
 pub(crate) struct Closeness {
@@ -44,37 +39,4 @@ pub(crate) fn closeness(tests: &[Photograph], draw: impl Fn(&Camera) -> Vec<[u8;
     errors.sort_by_key(|&(brightness, _)| std::cmp::Reverse(brightness));
     errors.truncate((errors.len() as f64 * BRIGHTEST).ceil() as usize);
     Closeness { psnr, worst, brightest: sum(&errors) }
-}
-
-/// The photograph whose direction is nearest of those that see a place, at each pixel of a camera.
-pub(crate) fn nearest_photograph(
-    capture: &Capture,
-    renderer: &Renderer<'_>,
-    camera: &Camera,
-) -> Vec<[u8; 4]> {
-    let eye = camera.eye();
-    let pixel = |index: u32| {
-        let at = glam::Vec2::new((index % camera.width) as f32, (index / camera.width) as f32) + 0.5;
-        let ray = camera.ray(at);
-        let Some((distance, _)) = renderer.meet(eye, ray) else { return [0; 4] };
-        let place = eye + distance * ray;
-        let mut order: Vec<(f32, usize)> = (0..capture.views.len())
-            .map(|view| (-(capture.views[view].camera.eye() - place).normalize().dot(-ray), view))
-            .collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        order.iter().find_map(|&(_, view)| colour_of(&capture.views[view], renderer, place)).unwrap_or([0; 4])
-    };
-    (0..camera.width * camera.height).map(pixel).collect()
-}
-
-/// The pixel of a photograph that shows a place, where it does.
-fn colour_of(view: &Photograph, renderer: &Renderer<'_>, place: glam::Vec3) -> Option<[u8; 4]> {
-    let camera = &view.camera;
-    let at = camera.project(camera.to_camera().transform_point3(place))?;
-    if at.min_element() < 0.0 || at.x >= camera.width as f32 || at.y >= camera.height as f32 {
-        return None;
-    }
-    let pixel = view.pixels[at.y as usize * camera.width as usize + at.x as usize];
-    let (distance, _) = renderer.meet(camera.eye(), place - camera.eye())?;
-    (pixel[3] > 250 && (distance - 1.0).abs() < SAME_PLACE).then_some(pixel)
 }

@@ -33,7 +33,7 @@ mod thumbnail;
 mod view;
 
 pub use bank_command::{BankCommand, ExtractArgs, ListArgs};
-pub use compare::{CompareArgs, astc_by_astcenc, cpu_seconds};
+pub use compare::{CompareArgs, astc_by_astcenc, cpu_seconds, draw_photographs};
 pub use compress::CompressArgs;
 pub use config::{
     AlphaChoice, CodecName, ColorName, ContentName, EffortName, Options, RunOptions, Samples, Sides,

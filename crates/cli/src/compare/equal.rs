@@ -35,10 +35,9 @@ impl Input<'_> {
 
 /// Both tables; nothing where no peer was measured.
 pub(super) fn tables(rows: &[Row]) -> String {
-    let mut groups: Vec<&[Row]> = rows.chunk_by(|a, b| a.input == b.input).collect();
-    groups.retain(|group| !group.is_empty());
+    let groups = rows.chunk_by(|a, b| a.input == b.input);
     let inputs: Vec<Input<'_>> =
-        groups.iter().map(|group| Input { name: &group[0].input, lines: lines(group) }).collect();
+        groups.map(|group| Input { name: &group[0].input, lines: lines(group) }).collect();
     let peers: Vec<&str> =
         PEERS.into_iter().filter(|peer| rows.iter().any(|row| row.series == *peer)).collect();
     let Some(&peer) = peers.first() else { return String::new() };
@@ -161,7 +160,7 @@ fn of_inputs(inputs: &[Input<'_>], peer: &str) -> String {
 
 /// Whether a row is of a codec of ours, plain blocks aside.
 fn is_ours(row: &Row) -> bool {
-    let names = texfold::encoding::ENCODINGS.iter().map(|encoding| encoding.id.name);
+    let names = texfold::CODECS.iter().map(|codec| codec.id.name);
     names.filter(|name| *name != "bc").any(|name| name == row.codec)
 }
 
@@ -202,5 +201,9 @@ mod tests {
                 && text.contains("<tr><td>dct<td><span>57 %</span> (3)")
         );
         assert_eq!(tables(&rows("a", "dct", "dct", 1.0)), "");
+        // Captures and stacks have their best series, too.
+        let blend = rows("ball", "photographs", PEERS[2], 1.0);
+        let text = tables(&[blend, rows("ball", "lightfield", "light field", 0.5)].concat());
+        assert!(text.contains("<tr><td>ball<td class=\"text\">light field<td><span>50 %"), "{text}");
     }
 }

@@ -6,6 +6,7 @@ use std::time::Instant;
 use jpeg_encoder::{ColorType, Encoder, EncodingError, SamplingFactor};
 use texfold_core::image::Raster;
 
+use super::measure::Cost;
 use super::rival::Coded;
 use crate::error::CliError;
 
@@ -22,7 +23,7 @@ pub(super) fn code(image: &Raster, quality: u8, path: &Path) -> Result<Coded, Cl
     let start = Instant::now();
     // The same coefficients. Optimised tables are shorter, but with 4:2:0 zune-jpeg does not read what jpeg-encoder 0.7 writes.
     let counted = file(image, quality, true).map_err(|error| failed(error.into()))?;
-    let seconds = start.elapsed().as_secs_f64();
+    let cost = Cost::of_one_thread(start.elapsed().as_secs_f64());
     let read = file(image, quality, false).map_err(|error| failed(error.into()))?;
     let decoded = image::load_from_memory(&read).map_err(|error| failed(error.into()))?;
     let (size, info) = (image.size(), image.info());
@@ -31,7 +32,7 @@ pub(super) fn code(image: &Raster, quality: u8, path: &Path) -> Result<Coded, Cl
     let decoded = Raster::from_u8(size.width, size.height, info.channels, info.color, &values);
     let decoded = decoded.map_err(|error| failed(error.into()))?;
     let bits = 8 * counted.len() as u64 + (INDEX_BITS * size.texels() as f64) as u64;
-    Ok(Coded { decoded, seconds, bits })
+    Ok(Coded { decoded, cost, bits })
 }
 
 fn file(image: &Raster, quality: u8, is_optimised: bool) -> Result<Vec<u8>, EncodingError> {

@@ -73,13 +73,18 @@ struct Held<'s> {
 
 /// Time that something took.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Cost {
+pub(crate) struct Cost {
     pub(super) seconds: f64,
     cpu_seconds: f64,
 }
 
 impl Cost {
-    const NONE: Cost = Cost { seconds: 0.0, cpu_seconds: 0.0 };
+    pub(super) const NONE: Cost = Cost { seconds: 0.0, cpu_seconds: 0.0 };
+
+    /// Of work on one thread of this process, which is shorter than what CPU time is counted in.
+    pub(super) fn of_one_thread(seconds: f64) -> Cost {
+        Cost { seconds, cpu_seconds: seconds }
+    }
 
     /// Starts a clock; the call of what it returns gives the cost since.
     pub(super) fn clock() -> impl Fn() -> Cost {
@@ -87,7 +92,7 @@ impl Cost {
         move || Cost { seconds: start.elapsed().as_secs_f64(), cpu_seconds: cpu_seconds() - cpu }
     }
 
-    fn and(self, other: Cost) -> Cost {
+    pub(super) fn and(self, other: Cost) -> Cost {
         let (seconds, cpu_seconds) = (self.seconds + other.seconds, self.cpu_seconds + other.cpu_seconds);
         Cost { seconds, cpu_seconds }
     }
@@ -209,13 +214,11 @@ impl Bench {
             Way::Rival(astcenc, side) => {
                 let preset = self.astc_preset.option();
                 let coded = images.images().iter().map(|image| astcenc.code(image, *side, preset, path));
-                let coded = coded.collect::<Result<_, _>>()?;
-                return Ok(external(images, candidate.words(), coded, Some(clock())));
+                return Ok(external(images, candidate.words(), coded.collect::<Result<_, _>>()?));
             }
             Way::Jpeg(quality) => {
                 let coded = images.images().iter().map(|image| jpeg::code(image, *quality, path));
-                let coded = coded.collect::<Result<_, _>>()?;
-                return Ok(external(images, candidate.words(), coded, Some(clock())));
+                return Ok(external(images, candidate.words(), coded.collect::<Result<_, _>>()?));
             }
             Way::Storage(format, goal) => {
                 if searches.stored.0 != format.name() {
@@ -226,8 +229,7 @@ impl Bench {
                 let coded = pairs.map(|(image, known)| format.within(image, *goal, known, path));
                 let coded = coded.collect::<Result<Option<Vec<Coded>>, _>>()?;
                 let bits = || CliError::NoSetting { path: path.to_owned(), bpp: *goal };
-                // The time of one of the settings that were tried, by the wall.
-                return Ok(external(images, candidate.words(), coded.ok_or_else(bits)?, None));
+                return Ok(external(images, candidate.words(), coded.ok_or_else(bits)?));
             }
         };
         let bytes = image.to_bytes();
@@ -313,7 +315,6 @@ pub(super) fn external(
     images: &ImageSet,
     (codec, series, settings): (&str, &str, &str),
     coded: Vec<Coded>,
-    cost: Option<Cost>,
 ) -> Measured {
     let (mut error, mut similarity) = (SquaredError::default(), 0.0);
     let (mut perceived, mut differences) = (Vec::new(), Vec::new());
@@ -325,6 +326,7 @@ pub(super) fn external(
     }
     let texels = images.texel_count() as f64;
     let bpp = coded.iter().map(|coded| coded.bits).sum::<u64>() as f64 / texels;
+    let cost = coded.iter().fold(Cost::NONE, |sum, coded| sum.and(coded.cost));
     // A file that is read whole is drawn as plain texels.
     let is_stored = storage::names().any(|name| name == codec);
     let row = Row {
@@ -338,13 +340,13 @@ pub(super) fn external(
         ssim: similarity / images.images().len() as f64,
         ssimulacra2: mean(perceived.into_iter()),
         butteraugli: mean(differences.into_iter()),
-        encode_seconds: coded.iter().map(|coded| coded.seconds).sum(),
+        encode_seconds: cost.seconds,
         texels,
         decode_cpu_texels_per_second: None,
         decode_gpu_texels_per_second: None,
         random_access: u8::from(!is_stored),
         series: series.to_owned(),
-        encode_cpu_seconds: cost.and_then(Cost::known_cpu_seconds),
+        encode_cpu_seconds: cost.known_cpu_seconds(),
         size: size_of_first(images),
         inputs: 1,
     };

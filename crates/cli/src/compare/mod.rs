@@ -42,6 +42,7 @@ use table::Row;
 use texfold_core::image::{ImageSet, PixelInfo};
 use zoom::Zoom;
 
+pub use light::draw_photographs;
 pub use measure::cpu_seconds;
 pub use rival::astc_by_astcenc;
 

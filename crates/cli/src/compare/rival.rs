@@ -3,10 +3,10 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::Instant;
 
 use texfold_core::image::{PixelInfo, Raster};
 
+use super::measure::Cost;
 use crate::error::CliError;
 use crate::input::{Remarks, pixels};
 use crate::memory;
@@ -41,8 +41,8 @@ pub(crate) struct Astcenc(PathBuf);
 #[derive(Debug)]
 pub(crate) struct Coded {
     pub(crate) decoded: Raster,
-    /// Wall clock of encoding and decoding; decoding is a small part.
-    pub(crate) seconds: f64,
+    /// Time of encoding; of ASTC with that of decoding, a small part.
+    pub(crate) cost: Cost,
     pub(crate) bits: u64,
 }
 
@@ -64,7 +64,7 @@ impl Astcenc {
         let dir = tempfile::tempdir().map_err(failed)?;
         let (input, output) = (dir.path().join("in.png"), dir.path().join("out.png"));
         png::write(&input, image)?;
-        let start = Instant::now();
+        let clock = Cost::clock();
         let status = Command::new(&self.0)
             .arg("-tl")
             .args([&input, &output])
@@ -72,14 +72,14 @@ impl Astcenc {
             .stdout(Stdio::null())
             .status()
             .map_err(failed)?;
-        let seconds = start.elapsed().as_secs_f64();
+        let cost = clock();
         if !status.success() {
             return Err(failed(std::io::Error::other(status.to_string())));
         }
         let decoded = read_back(&output, image.info())?;
         let size = image.size();
         let blocks = u64::from(size.width.div_ceil(side)) * u64::from(size.height.div_ceil(side));
-        Ok(Coded { decoded, seconds, bits: BLOCK_BITS * blocks })
+        Ok(Coded { decoded, cost, bits: BLOCK_BITS * blocks })
     }
 }
 

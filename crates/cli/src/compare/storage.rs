@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::Instant;
 
 use texfold_core::image::Raster;
 
+use super::measure::Cost;
 use super::rival::{Coded, on_path, read_back};
 use crate::error::CliError;
 use crate::png;
@@ -141,11 +141,11 @@ impl Storage {
         let (input, output) =
             (dir.path().join("in.png"), dir.path().join("out").with_extension(self.format.extension));
         png::write(&input, image)?;
-        let start = Instant::now();
+        let clock = Cost::clock();
         self.run(&self.encoder, &(self.format.options)(setting), [&input, &output]).map_err(failed)?;
-        let seconds = start.elapsed().as_secs_f64();
+        let cost = clock();
         let bytes = std::fs::read(&output).map_err(failed)?;
-        Ok(File { bytes, seconds })
+        Ok(File { bytes, cost })
     }
 
     fn decode(&self, image: &Raster, file: &File, path: &Path) -> Result<Coded, CliError> {
@@ -157,7 +157,7 @@ impl Storage {
         std::fs::write(&input, &file.bytes).map_err(failed)?;
         self.run(&self.decoder, &[], [&input, &output]).map_err(failed)?;
         let decoded = read_back(&output, image.info())?;
-        Ok(Coded { decoded, seconds: file.seconds, bits: 8 * file.bytes.len() as u64 })
+        Ok(Coded { decoded, cost: file.cost, bits: 8 * file.bytes.len() as u64 })
     }
 
     /// Runs a program from one file to the other.
@@ -172,11 +172,11 @@ impl Storage {
     }
 }
 
-/// A file of an encoder, and the seconds that it took.
+/// A file of an encoder, and the time that it took.
 #[derive(Debug)]
 pub(super) struct File {
     bytes: Vec<u8>,
-    seconds: f64,
+    cost: Cost,
 }
 
 #[cfg(all(test, unix))]

@@ -89,8 +89,8 @@ impl Zoom {
         let texels = texture.draw(Vec2::ZERO, Vec2::ONE, (size.width, size.height));
         let decoded = Raster::from_texels(size.width, size.height, plain.info(), &texels)
             .map_err(|source| fault(source.into()))?;
-        let coded = Coded { decoded, seconds: cost.seconds, bits: texture.memory().compressed };
-        let made = external(&self.plain, (CODEC, SERIES, &candidate.settings), vec![coded], Some(cost));
+        let coded = Coded { decoded, cost, bits: texture.memory().compressed };
+        let made = external(&self.plain, (CODEC, SERIES, &candidate.settings), vec![coded]);
         let per_texel = |bits: u64| bits as f64 / size.texels() as f64;
         let row = super::table::Row {
             bpp_disk: per_texel(8 * bytes.len() as u64),

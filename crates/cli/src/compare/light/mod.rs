@@ -21,6 +21,7 @@ use crate::compress::light::{Similarity, masked, similarity};
 use crate::error::CliError;
 use crate::input::{Found, capture};
 use harmonics::{Harmonics, MOST_DEGREE};
+pub use photographs::draw_photographs;
 
 /// Codecs' names in rows.
 const OURS: &str = "lightfield";
@@ -181,18 +182,18 @@ impl Scene {
                 self.judged(candidate, bits, cost, |camera| renderer.render(camera))
             }
             Way::Photographs { quality, step, is_blended } => {
-                let (mut views, mut bits) = (Vec::new(), 0);
+                let (mut views, mut bits, mut cost) = (Vec::new(), 0, Cost::NONE);
                 for view in self.source.views.iter().step_by(*step) {
                     let coded = jpeg::code(&raster(&view.pixels, view)?, *quality, path)?;
-                    bits += coded.bits;
+                    (bits, cost) = (bits + coded.bits, cost.and(coded.cost));
                     let decoded = coded.decoded.to_bytes();
                     let pixels = decoded.chunks_exact(3).zip(&view.pixels);
                     let pixels = pixels.map(|(rgb, own)| [rgb[0], rgb[1], rgb[2], own[3]]).collect();
                     views.push(Photograph { camera: view.camera, pixels });
                 }
                 let bits = [mesh_memory + bits, mesh_disk + bits];
-                self.judged(candidate, bits, clock(), |camera| {
-                    photographs::draw(&views, &renderer, camera, *is_blended)
+                self.judged(candidate, bits, cost, |camera| {
+                    draw_photographs(&views, &renderer, camera, *is_blended)
                 })
             }
             Way::Harmonics(degree) => {

@@ -11,8 +11,10 @@ const OPAQUE: u8 = 250;
 /// Photographs that are blended.
 const BLENDED: usize = 3;
 
-/// What a camera sees by the photographs whose directions are nearest of those that see a place.
-pub(super) fn draw(
+/// The view of a camera by the photographs whose directions are nearest of those that see a place: one, or a blend of three. Row by row, clear
+/// where none sees it.
+#[must_use]
+pub fn draw_photographs(
     views: &[Photograph],
     renderer: &Renderer<'_>,
     camera: &Camera,

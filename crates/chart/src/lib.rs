@@ -34,7 +34,7 @@ const STYLE: &str = ".chart{color:#222;font:13px system-ui,sans-serif}.chart tex
 .chart circle{fill:currentColor;stroke:currentColor;stroke-width:2}";
 const DARK: &str = ".chart{color:#ddd}.chart .paper,.chart .hollow{fill:#161616}.chart .grid{stroke:#3a3a3a}";
 /// Colours of series on light and on dark pages.
-const COLOURS: [(&str, &str); 9] = [
+const COLOURS: [(&str, &str); 12] = [
     ("#b34700", "#ffa263"),
     ("#005fa8", "#7dbdf5"),
     ("#8e248a", "#dc9bdb"),
@@ -44,6 +44,9 @@ const COLOURS: [(&str, &str); 9] = [
     ("#3a7d2c", "#86d07a"),
     ("#5b4bb5", "#a99cf5"),
     ("#6b5b53", "#c0aea5"),
+    ("#444444", "#cccccc"),
+    ("#c2185b", "#ff9fc6"),
+    ("#007a99", "#6fdcf2"),
 ];
 
 /// A point of a series.
@@ -157,6 +160,7 @@ impl Chart<'_> {
             label(&mut text, ("end", LEFT - 8.0, y + 4.0), &value);
         }
         for (x, value) in across.ticks() {
+            let x = x.min(width - 0.5 * LETTER * value.chars().count() as f64);
             label(&mut text, ("middle", x, height - BOTTOM + 18.0), &value);
         }
         for series in &self.series {
@@ -325,6 +329,12 @@ mod tests {
             let quoted = text.split(name).skip(1).filter_map(|rest| rest.split('"').next()?.parse().ok());
             quoted.collect()
         };
+        // The last tick's text ends within the chart.
+        let last = text
+            .split("class=\"middle\" x=\"")
+            .skip(1)
+            .filter_map(|rest| rest.split('"').next()?.parse().ok());
+        assert!(last.fold(0.0, f64::max) <= SMALL.0 - LETTER);
         for (name, most) in [(" x=\"", SMALL.0), (" cx=\"", SMALL.0), (" y=\"", SMALL.1), (" cy=\"", SMALL.1)]
         {
             let found = figures(name);

@@ -149,7 +149,7 @@ fn codebook((width, height): (u32, u32), content: Content, effort: Effort) -> Op
     let mut own = VqParams::default();
     (own.codebook,) = (Some((width, height)),);
     let way = fixed(Choice::of::<Vq>().with::<Vq>(own), content, effort)?;
-    let series = format!("vq, codebooks of {}", content.name());
+    let series = "vq, codebooks of fixed sizes".to_owned();
     Some(Candidate { codec: Vq::ID.name, series, settings, has_thumbnail: false, way })
 }
 

@@ -106,7 +106,7 @@ impl DctPlan {
         let mut needed = Vec::new();
         for plane in 0..planes.len() {
             let base = planes.get(plane + 1).copied();
-            let wider = base.map(|base| base_of(layout, &superblocks, base));
+            let wider = base.map(|base| base_of(layout, plane, &superblocks, base));
             needed.push((plane, superblocks.clone()));
             superblocks = wider.unwrap_or(superblocks);
         }
@@ -133,10 +133,10 @@ fn check(layout: &DctLayout, rect: Rect) -> Result<(), RegionError> {
     Ok(())
 }
 
-/// The superblocks of a base that hold the means of blocks of finer superblocks, and those a mean around them.
-fn base_of(layout: &DctLayout, superblocks: &Superblocks, base: ImageSize) -> Superblocks {
-    let texels = 1u32 << layout.superblock_log2;
-    let side = texels / SIDE;
+/// The superblocks of a plane's base that hold the means of blocks of its superblocks, and those a mean around them.
+fn base_of(layout: &DctLayout, plane: usize, superblocks: &Superblocks, base: ImageSize) -> Superblocks {
+    let side = (1u32 << layout.plane_log2(plane)) / SIDE;
+    let texels = 1u32 << layout.plane_log2(plane + 1);
     let cover = |range: &Range<u32>, all: u32| {
         let first = (range.start * side).saturating_sub(1);
         let last = (range.end * side + 1).min(all);
@@ -147,13 +147,13 @@ fn base_of(layout: &DctLayout, superblocks: &Superblocks, base: ImageSize) -> Su
 
 /// The passes from the coarsest plane on, and the words that they need.
 fn passes(layout: &DctLayout, planes: &[ImageSize], needed: &[(usize, Superblocks)]) -> (Vec<DctPass>, u64) {
-    let counts: Vec<u32> =
-        planes.iter().map(|&plane| superblock_count(layout, plane)).map(|[c, r]| c * r).collect();
+    let count = |(plane, &size)| superblock_count(layout, plane, size).iter().product();
+    let counts: Vec<u32> = planes.iter().enumerate().map(count).collect();
     // The first block's words stay 0: what lies beyond a border is read there.
     let mut next = u64::from(BLOCK_WORDS);
     let mut passes: Vec<DctPass> = Vec::new();
     for (plane, superblocks) in needed.iter().rev() {
-        let mut pass = pass(layout, planes[*plane], superblocks);
+        let mut pass = pass(layout, *plane, planes[*plane], superblocks);
         // The coarsest plane's superblocks come first.
         pass.superblock_start = counts[*plane + 1..].iter().sum();
         pass.is_base = u32::from(*plane > 0);
@@ -176,8 +176,9 @@ fn passes(layout: &DctLayout, planes: &[ImageSize], needed: &[(usize, Superblock
 }
 
 /// A pass but for what depends on other planes.
-fn pass(layout: &DctLayout, size: ImageSize, superblocks: &Superblocks) -> DctPass {
-    let side = (1u32 << layout.superblock_log2) / SIDE;
+fn pass(layout: &DctLayout, plane: usize, size: ImageSize, superblocks: &Superblocks) -> DctPass {
+    let side = (1u32 << layout.plane_log2(plane)) / SIDE;
+    let all = superblock_count(layout, plane, size);
     let plane_blocks = [size.width.div_ceil(SIDE), size.height.div_ceil(SIDE)];
     let held = |axis: usize| {
         let range = &superblocks[axis];
@@ -188,8 +189,8 @@ fn pass(layout: &DctLayout, size: ImageSize, superblocks: &Superblocks) -> DctPa
         first: [superblocks[0].start, superblocks[1].start],
         count: [superblocks[0].len() as u32, superblocks[1].len() as u32],
         held: [held(0), held(1)],
-        wrap: superblock_count(layout, size).map(|count| count * side),
-        superblock_columns: superblock_count(layout, size)[0],
+        wrap: all.map(|count| count * side),
+        superblock_columns: all[0],
         side,
         axes: layout.ranks.len().min(MAX_AXES) as u32,
         ranks: layout.packed_ranks(),
@@ -203,7 +204,7 @@ fn pass(layout: &DctLayout, size: ImageSize, superblocks: &Superblocks) -> DctPa
 }
 
 /// Columns and rows of superblocks of a plane.
-fn superblock_count(layout: &DctLayout, size: ImageSize) -> [u32; 2] {
-    let texels = 1u32 << layout.superblock_log2;
+fn superblock_count(layout: &DctLayout, plane: usize, size: ImageSize) -> [u32; 2] {
+    let texels = 1u32 << layout.plane_log2(plane);
     [size.width.div_ceil(texels), size.height.div_ceil(texels)]
 }

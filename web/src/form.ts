@@ -60,6 +60,8 @@ export interface BlockLayout {
   size: Size;
   depth: number;
   superblockLog2: number;
+  /** The same of the planes behind the image. */
+  baseLog2: number;
   ranks: number[];
   channels: Channel[];
   shift: number;

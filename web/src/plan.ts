@@ -1,7 +1,7 @@
 // Which superblocks a rectangle of a texture in blocks needs, and where the compute shader holds what it decodes of them: the counterpart
 // of `texfold_shaders::DctPlan`.
 
-import { planesOf, STAGE_LEVELS } from "./codecs/dct.js";
+import { planeSide, planesOf, STAGE_LEVELS, superblockCounts } from "./codecs/dct.js";
 import { atLevel, fullLevels, type Size } from "./container.js";
 import { type BlockLayout, packedOffsets } from "./form.js";
 import { WORDS } from "./generated/dct.js";
@@ -52,28 +52,28 @@ function planOf(layout: BlockLayout, rect: Rect): Plan {
   const all = planes.map((_, plane) => {
     const found = needed, base = planes[plane + 1];
     if (base) {
-      needed = [baseOf(layout, found[0], base.width), baseOf(layout, found[1], base.height)];
+      needed = [baseOf(layout, plane, found[0], base.width), baseOf(layout, plane, found[1], base.height)];
     }
     return found;
   });
   return { rect, ...passesOf(layout, planes, all) };
 }
 
-/** Superblocks of a base that hold the means of finer superblocks' blocks, and those a mean around them. */
-function baseOf(layout: BlockLayout, [start, end]: Range, all: number): Range {
-  const texels = 1 << layout.superblockLog2, side = texels / SIDE;
+/** Superblocks of a plane's base that hold the means of its superblocks' blocks, and those a mean around them. */
+function baseOf(layout: BlockLayout, plane: number, [start, end]: Range, all: number): Range {
+  const side = planeSide(layout, plane) / SIDE, texels = planeSide(layout, plane + 1);
   return [Math.floor(Math.max(0, start * side - 1) / texels), Math.ceil(Math.min(all, end * side + 1) / texels)];
 }
 
 function passesOf(layout: BlockLayout, planes: Size[], needed: [Range, Range][]): { passes: Pass[]; words: number } {
-  const side = (1 << layout.superblockLog2) / SIDE, axes = layout.ranks.length;
-  const counts = planes.map((plane) => [plane.width, plane.height].map((texels) => Math.ceil(texels / SIDE / side)));
+  const axes = layout.ranks.length;
+  const counts = superblockCounts(layout);
   const passes: Pass[] = [];
   // The first block's words stay 0: what lies beyond a border is read there.
   let next = BLOCK_WORDS, start = 0;
   let base: { first: number[]; held: number[]; wrap: number[]; samples: number } | undefined;
   for (let plane = planes.length - 1; plane >= 0; plane--) {
-    const size = planes[plane]!, ranges = needed[plane]!, count = counts[plane]!;
+    const size = planes[plane]!, ranges = needed[plane]!, count = counts[plane]!, side = planeSide(layout, plane) / SIDE;
     const blocks = [Math.ceil(size.width / SIDE), Math.ceil(size.height / SIDE)];
     const first = ranges.map((range) => range[0]);
     const held = ranges.map((range, axis) => Math.min(range[1] * side, blocks[axis]!) - range[0] * side);

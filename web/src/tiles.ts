@@ -1,7 +1,7 @@
 // A cache of decoded tiles for any number of textures, filled by the GPU alone: the counterpart of `texfold_gpu::TileCache`, with the same
 // shaders.
 
-import { planesOf, STAGE_LEVELS } from "./codecs/dct.js";
+import { planeSide, planesOf, SIDE as BLOCK_SIDE, STAGE_LEVELS } from "./codecs/dct.js";
 import { decodeBlocks } from "./codecs/dct_cpu.js";
 import { atLevel, fullLevels, type Layout, pixelsOf, type Size } from "./container.js";
 import { channelsOf } from "./decoder.js";
@@ -493,7 +493,7 @@ export class TileCache {
     this.write(this.on.stages, STAGE_ROW_BYTES * number, Int32Array.from([
       ...channels.map(({ mean }) => mean), ...channels.map(({ firstAxis }) => firstAxis), ...channels.flatMap(({ weights }) => weights),
       layout.size.width, layout.size.height, first, moved(layout.steps), moved(layout.index), layout.indexBits, 4 * streamWord, layout.streamBytes,
-      layout.superblockLog2, layout.ranks.length, layout.ranks.reduceRight((all, rank) => (all << 2) | rank, 0), packedOffsets(layout),
+      layout.superblockLog2 | (layout.baseLog2 << 8), layout.ranks.length, layout.ranks.reduceRight((all, rank) => (all << 2) | rank, 0), packedOffsets(layout),
       layout.deblocking, layout.shift, 2 ** layout.depth - 1, (layout.isLight ? 1 : 0) | (layout.isWeighted ? 2 : 0),
     ]));
   }
@@ -580,11 +580,12 @@ function tailOf(size: Size): number {
 
 /** Most words of scratch memory that a tile of a stage takes, of its coarsest level. */
 function mostWords({ layout, levels }: Blocks): number {
-  const log2 = layout.superblockLog2, around = 1 << (levels - 1);
+  const around = 1 << (levels - 1);
   let count = [SIDE * around, SIDE * around], sum = 0;
-  for (const plane of planesOf(layout.size)) {
-    const blocks = (texels: number, all: number): number => Math.min(Math.ceil(texels / 2 ** log2) + 1, Math.ceil(all / 2 ** log2)) << (log2 - 3);
-    count = [blocks(count[0]!, plane.width), blocks(count[1]!, plane.height)];
+  for (const [plane, size] of planesOf(layout.size).entries()) {
+    const side = planeSide(layout, plane);
+    const blocks = (texels: number, all: number): number => (Math.min(Math.ceil(texels / side) + 1, Math.ceil(all / side)) * side) / BLOCK_SIDE;
+    count = [blocks(count[0]!, size.width), blocks(count[1]!, size.height)];
     sum += count[0]! * count[1]! * layout.ranks.length * (BLOCK_WORDS + BLOCK_NOTES);
     // The means of these blocks and of those around them.
     count = count.map((texels) => texels + 2);

@@ -12,8 +12,10 @@ use bevy::prelude::*;
 use bevy::render::RenderPlugin;
 use bevy::render::gpu_readback::{Readback, ReadbackComplete};
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureUsages};
+use bevy::render::renderer::RenderAdapterInfo;
 use bevy::window::ExitCondition;
 use texfold_bevy::{TexfoldPlugin, TileMaterial, TileOptions, TilePlugin, Tiles};
+use wgpu_types::DeviceType;
 
 const GOLDEN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/golden");
 /// Time until files are loaded, pipelines made and tiles decoded, by software.
@@ -137,8 +139,11 @@ fn an_image_is_drawn_as_it_is_decoded() {
         let mut stage = Stage::new(size);
         let handle = stage.load(file);
         stage.fill(TileMaterial { file: handle, image: number, unlit: true, ..Default::default() });
-        let drawn = stage.frame_where(|frame| apart(frame, &expected) <= 1);
-        assert!(apart(&drawn, &expected) <= 1, "{file}: {}", apart(&drawn, &expected));
+        let adapter = stage.app.world().resource::<RenderAdapterInfo>();
+        // GPUs decode BC1 in their own ways, within 3 % and a rounding.
+        let bound = if file.contains("bc1") && adapter.device_type != DeviceType::Cpu { 8 } else { 1 };
+        let drawn = stage.frame_where(|frame| apart(frame, &expected) <= bound);
+        assert!(apart(&drawn, &expected) <= bound, "{file}: {}", apart(&drawn, &expected));
     }
 }
 

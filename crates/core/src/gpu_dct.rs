@@ -78,6 +78,8 @@ pub struct DctLayout {
     pub depth: u8,
     /// Binary logarithm of a superblock's side in texels, 4 to 6.
     pub superblock_log2: u8,
+    /// The same of the planes behind the image.
+    pub base_log2: u8,
     /// Place of each axis in its group, 0 to 3; at most 16 axes.
     pub ranks: Vec<u8>,
     /// How each channel follows from axes.
@@ -156,6 +158,12 @@ impl DctLayout {
     pub fn packed_offsets(&self) -> u32 {
         let [one, more] = self.offsets.map(u32::from);
         one | more << 8 | u32::from(self.is_dependent) << 16
+    }
+
+    /// Binary logarithm of a superblock's side in that plane, the image being plane 0.
+    #[must_use]
+    pub fn plane_log2(&self, plane: usize) -> u8 {
+        if plane > 0 { self.base_log2 } else { self.superblock_log2 }
     }
 
     /// Texels along a superblock's side of a level whose texels are means of 2^`reduce_log2` samples a side.

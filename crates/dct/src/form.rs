@@ -5,6 +5,9 @@ use texfold_core::{ImageSize, dct_planes};
 use crate::context::State;
 use crate::scan::COEFFICIENTS;
 
+/// Binary logarithm of the side of superblocks of the planes behind the image. Blocks of means have many coefficients, and a decoder
+/// that reads all streams at once waits for the longest.
+pub(super) const BASE_LOG2: u8 = 4;
 /// Most channels of a texture.
 pub const MAX_CHANNELS: usize = 16;
 /// Most channels that share axes.
@@ -163,6 +166,8 @@ pub struct DctForm {
     pub depth: u8,
     /// Binary logarithm of a superblock's side, 4 to 6.
     pub superblock_log2: u8,
+    /// The same of the planes behind the image: [`BASE_LOG2`], or as the image's own in files written before.
+    pub base_log2: u8,
     /// How coefficients became numbers.
     pub quantiser: Quantiser,
     /// Strength of deblocking, 0 (none) to [`crate::MAX_DEBLOCKING`].
@@ -197,8 +202,9 @@ impl DctForm {
 
     /// The planes, from the image itself to the coarsest base.
     pub(super) fn planes(&self) -> Vec<PlaneShape> {
-        let shape = |size| PlaneShape::new(size, self.superblock_log2);
-        dct_planes(self.size).into_iter().map(shape).collect()
+        let log2 = |plane| if plane > 0 { self.base_log2 } else { self.superblock_log2 };
+        let sizes = dct_planes(self.size).into_iter().enumerate();
+        sizes.map(|(plane, size)| PlaneShape::new(size, log2(plane))).collect()
     }
 }
 
@@ -253,6 +259,7 @@ mod tests {
             size: ImageSize { width, height },
             depth: 8,
             superblock_log2: 5,
+            base_log2: BASE_LOG2,
             quantiser: Quantiser::of_step(0),
             deblocking: 0,
             groups: vec![Group::plain(3)],

@@ -66,6 +66,7 @@ impl DctTexture {
             size: form.size,
             depth: form.depth,
             superblock_log2: form.superblock_log2,
+            base_log2: form.base_log2,
             ranks: form.ranks(),
             channels: channels.collect(),
             shift,

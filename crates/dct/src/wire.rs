@@ -3,7 +3,7 @@
 //! | bytes | what |
 //! |---|---|
 //! | 1 | version: 1, 1 more with deblocking, 2 more where tables begin from the preset, 4 more where the index is lengths
-//! alone, 8 more with dependent quantisers |
+//! alone, 8 more with dependent quantisers, 16 more where superblocks of the planes behind the image are 2x2 blocks |
 //! | 2, 2 | columns and rows, less one |
 //! | 1, 1 | bits of a sample, binary logarithm of a superblock's side |
 //! | 2, 1, 2 | step, slope, two offsets |
@@ -19,7 +19,9 @@ use texfold_core::{Budget, ImageSize, LoadError};
 
 use crate::deblock::MAX_DEBLOCKING;
 use crate::decode::DctTexture;
-use crate::form::{AXIS_BITS, DctForm, Group, MAX_CHANNELS, MAX_GROUP, MAX_OFFSET, MAX_STEP, Quantiser};
+use crate::form::{
+    AXIS_BITS, BASE_LOG2, DctForm, Group, MAX_CHANNELS, MAX_GROUP, MAX_OFFSET, MAX_STEP, Quantiser,
+};
 use crate::gpu::words_before_index;
 use crate::index::Index;
 use crate::tables::{Begin, StoredStops, Table, count};
@@ -34,6 +36,8 @@ const PRESET: u8 = 2;
 const PACKED: u8 = 4;
 /// Added where quantisers are dependent.
 const DEPENDENT: u8 = 8;
+/// Added where superblocks of the planes behind the image are smaller than its own.
+const SMALL_BASES: u8 = 16;
 /// Most bits of a length in the index.
 const MAX_WIDTH: u8 = 24;
 /// Largest weight of an axis: an orthonormal one.
@@ -96,7 +100,8 @@ impl DctTexture {
         let preset = if self.stops.begin == Begin::Preset { PRESET } else { 0 };
         let packed = if self.index.is_packed() { PACKED } else { 0 };
         let dependent = if form.quantiser.is_dependent { DEPENDENT } else { 0 };
-        let mut out = vec![PLAIN + deblocked + preset + packed + dependent];
+        let small = if form.base_log2 < form.superblock_log2 { SMALL_BASES } else { 0 };
+        let mut out = vec![PLAIN + deblocked + preset + packed + dependent + small];
         out.extend(((form.size.width - 1) as u16).to_le_bytes());
         out.extend(((form.size.height - 1) as u16).to_le_bytes());
         out.extend([form.depth, form.superblock_log2]);
@@ -182,7 +187,7 @@ impl DctTexture {
 
 fn read_form(reader: &mut Reader<'_>) -> Result<(DctForm, Begin, bool), LoadError> {
     let parts = reader.u8()?.wrapping_sub(PLAIN);
-    if parts > DEBLOCKED + PRESET + PACKED + DEPENDENT {
+    if parts > DEBLOCKED + PRESET + PACKED + DEPENDENT + SMALL_BASES {
         return Err(reader.corrupt("a layout of blocks that this reader does not know"));
     }
     let is_deblocked = parts & DEBLOCKED > 0;
@@ -196,6 +201,11 @@ fn read_form(reader: &mut Reader<'_>) -> Result<(DctForm, Begin, bool), LoadErro
     if !(4..=6).contains(&superblock_log2) {
         return Err(reader.corrupt("superblocks of another side than 16, 32 or 64"));
     }
+    let has_small_bases = parts & SMALL_BASES > 0;
+    if has_small_bases && superblock_log2 == BASE_LOG2 {
+        return Err(reader.corrupt("a layout of bases that no writer writes"));
+    }
+    let base_log2 = if has_small_bases { BASE_LOG2 } else { superblock_log2 };
     let (step, slope, offsets) = (reader.u16()?, reader.u8()?, [reader.u8()?, reader.u8()?]);
     if step > MAX_STEP || offsets.iter().any(|&offset| offset > MAX_OFFSET) {
         return Err(reader.corrupt("a quantiser beyond the largest"));
@@ -219,7 +229,8 @@ fn read_form(reader: &mut Reader<'_>) -> Result<(DctForm, Begin, bool), LoadErro
         return Err(reader.corrupt("no channels"));
     }
     let size = ImageSize { width, height };
-    Ok((DctForm { size, depth, superblock_log2, quantiser, deblocking, groups }, begin, is_packed))
+    let form = DctForm { size, depth, superblock_log2, base_log2, quantiser, deblocking, groups };
+    Ok((form, begin, is_packed))
 }
 
 fn read_group(reader: &mut Reader<'_>) -> Result<Group, LoadError> {

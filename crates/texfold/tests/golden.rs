@@ -77,6 +77,15 @@ fn blocks_with_dependent_quantisers_decode_as_ever() {
     assert_level_decodes("dct_dependent", 2, &["dct_dependent-level2.png".to_owned()]);
 }
 
+/// Superblocks of the image's means that are smaller than its own, written by `texfold compress fixtures/images/facade.png --codec dct
+/// --effort fast --bpp 0.5 --mips --out .` and its images by `texfold decompress facade.txf --out .` with `--lod 1` and `--lod 3`.
+#[test]
+fn blocks_with_small_bases_decode_as_ever() {
+    for level in [1, 3] {
+        assert_level_decodes("dct_small_bases", level, &[format!("dct_small_bases-level{level}.png")]);
+    }
+}
+
 /// Maps of a material, of unlike sizes and pixels: the fixtures cutout, normal_map and gray under the names `m_BaseColor.png`, `m_Normal.png` and
 /// `m_Height.png` in a folder, written by `texfold compress FOLDER --as material --bpp 3 --mips --effort fast --out .` and its images by
 /// `texfold decompress m.txf --out .`.

@@ -131,7 +131,8 @@ fn entry_superblocks(begin: i32, level: i32, size: u32, reduce: u32, log2: u32, 
     return vec2<u32>(one, select(min(all - one + other + 1u, all), other - one + 1u, last >= first));
 }
 
-// The same of the base, whose samples are the means of `blocks` blocks: those of the superblocks in `range`, and one around them.
+// The same of the base, whose samples are the means of `blocks` blocks: those of the superblocks in `range`, which have `side` blocks a
+// side, and one around them.
 fn entry_base(range: vec2<u32>, side: u32, blocks: u32, log2: u32) -> vec2<u32> {
     let all = (blocks + side - 1u) / side;
     let base = (blocks + (1u << log2) - 1u) >> log2;
@@ -154,8 +155,8 @@ fn entry_planes(number: u32, tile: EntryTile) -> u32 {
     let is_clamped = (flags & TEXFOLD_TILE_CLAMP) != 0u;
     let stage = texfold_tile_textures[texture].stages + tile.level / 3u;
     let reduce = tile.level % 3u;
-    let log2 = entry_stages[stage].superblock_log2;
-    let side = (1u << log2) / 8u;
+    let base_log2 = entry_stages[stage].superblock_log2 >> 8u;
+    var log2 = entry_stages[stage].superblock_log2 & 255u;
     let level = vec2<i32>(texfold_tile_level_size(texfold_tile_textures[texture].size, tile.level));
     let begin = vec2<i32>(tile.tile * TEXFOLD_TILE_INNER) - vec2<i32>(i32(TEXFOLD_TILE_BORDER));
     var size = entry_stages[stage].size;
@@ -166,6 +167,7 @@ fn entry_planes(number: u32, tile: EntryTile) -> u32 {
     for (; plane < TEXFOLD_TILE_PLANES; plane += 1u) {
         let place = number * TEXFOLD_TILE_PLANES + TEXFOLD_TILE_PLANES - 1u - plane;
         let all = (size + vec2<u32>((1u << log2) - 1u)) >> vec2<u32>(log2);
+        let side = (1u << log2) / 8u;
         let is_last = size.x <= 8u && size.y <= 8u;
         var planned: TexfoldBlockPass;
         planned.plane_blocks = (size + vec2<u32>(7u)) / 8u;
@@ -202,6 +204,7 @@ fn entry_planes(number: u32, tile: EntryTile) -> u32 {
         if is_last {
             break;
         }
+        log2 = base_log2;
         columns = entry_base(columns, side, planned.plane_blocks.x, log2);
         rows = entry_base(rows, side, planned.plane_blocks.y, log2);
         size = planned.plane_blocks;
@@ -215,7 +218,7 @@ fn entry_planes(number: u32, tile: EntryTile) -> u32 {
             continue;
         }
         entry_plan.passes[place].superblock_start = before;
-        let all = entry_plan.passes[place].wrap / side;
+        let all = entry_plan.passes[place].wrap / entry_plan.passes[place].side;
         before += all.x * all.y;
     }
     return words;

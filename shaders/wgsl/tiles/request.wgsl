@@ -21,6 +21,7 @@ struct TexfoldTileStage {
     index_bits: u32,
     streams: u32,
     stream_bytes: u32,
+    // Of the image; of the planes behind it behind 8 bits.
     superblock_log2: u32,
     axes: u32,
     ranks: u32,

@@ -2,7 +2,7 @@
 
 import { atLevel, fullLevels, type Layout, type PixelInfo, pixelsOf, readMaps, type Sections, type Size } from "../container.js";
 import { type Budget, corrupt, truncated } from "../errors.js";
-import { type Blocks, type Channel, type Form, Uniforms } from "../form.js";
+import { type BlockLayout, type Blocks, type Channel, type Form, Uniforms } from "../form.js";
 import { PRESETS, RADII, SCALES, STOP, WORDS } from "../generated/dct.js";
 import type { Reader } from "../reader.js";
 import { CLAMP, formatsOf } from "./content.js";
@@ -36,6 +36,8 @@ const AXIS_BITS = 10;
 const MAX_AXES = 16;
 const MAX_GROUP = 4;
 const GROUP = 32;
+/** Binary logarithm of the side of superblocks of the planes behind the image, where they are small. */
+const BASE_LOG2 = 4;
 const MAX_STEP = 20 * 256 - 1;
 
 /** Sizes of the planes of an image: the image, the means of its 8x8 blocks, their means, to a single block. */
@@ -47,10 +49,19 @@ export function planesOf(size: Size): Size[] {
   return planes;
 }
 
-/** Superblocks of a plane. */
-function superblocks(size: Size, log2: number): number {
-  const texels = 1 << log2;
-  return Math.ceil(size.width / texels) * Math.ceil(size.height / texels);
+type Cut = Pick<BlockLayout, "size" | "superblockLog2" | "baseLog2">;
+
+/** Samples along the side of a plane's superblocks, the image being plane 0. */
+export function planeSide({ superblockLog2, baseLog2 }: Cut, plane: number): number {
+  return 1 << (plane > 0 ? baseLog2 : superblockLog2);
+}
+
+/** Columns and rows of superblocks of each plane. */
+export function superblockCounts(layout: Cut): [number, number][] {
+  return planesOf(layout.size).map(({ width, height }, plane) => {
+    const side = planeSide(layout, plane);
+    return [Math.ceil(width / side), Math.ceil(height / side)];
+  });
 }
 
 /** First tables of the rows of a set: magnitudes by zone, first magnitudes, numbers of coefficients; then the end of the last. */
@@ -264,12 +275,15 @@ function unpackIndex(bytes: Uint8Array, bits: number, total: number, out: Uint32
 export function readStage(reader: Reader, budget: Budget, place: { image: number; level: number; levels: number }, pixel: PixelInfo): Stage {
   const first = reader.at;
   const version = reader.u8();
-  reader.check(version >= 1 && version <= 16, "a layout of blocks that this reader does not know");
+  reader.check(version >= 1 && version <= 32, "a layout of blocks that this reader does not know");
   const parts = version - 1, isDeblocked = (parts & 1) > 0, fromPreset = (parts & 2) > 0, isPacked = (parts & 4) > 0, isDependent = (parts & 8) > 0;
+  const hasSmallBases = (parts & 16) > 0;
   const size = { width: reader.u16() + 1, height: reader.u16() + 1 };
   const depth = reader.u8(), superblockLog2 = reader.u8();
   reader.check(depth === 8 || depth === 16, "samples of neither 8 nor 16 bits");
   reader.check(superblockLog2 >= 4 && superblockLog2 <= 6, "superblocks of another side than 16, 32 or 64");
+  reader.check(!hasSmallBases || superblockLog2 > BASE_LOG2, "a layout of bases that no writer writes");
+  const baseLog2 = hasSmallBases ? BASE_LOG2 : superblockLog2;
   const step = reader.u16(), slope = reader.u8();
   const offsets: [number, number] = [reader.u8(), reader.u8()];
   reader.check(step <= MAX_STEP && Math.max(...offsets) <= 16, "a quantiser beyond the largest");
@@ -288,7 +302,7 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   const tableBytes = reader.u16(), streamBytes = reader.u32();
 
   const planes = planesOf(size);
-  const counts = planes.map((plane) => superblocks(plane, superblockLog2));
+  const counts = superblockCounts({ size, superblockLog2, baseLog2 }).map(([columns, rows]) => columns * rows);
   const total = counts.reduce((sum, count) => sum + count, 0);
   // The last group of a packed index ends with its last length.
   const rest = isPacked ? total % GROUP : 0;
@@ -315,7 +329,7 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   const base = reader.bytes(baseBytes);
   const deblocking = Math.floor((strength * units * 2 ** fraction) / 2 ** 14);
   const layout = {
-    size, depth, superblockLog2, ranks, channels, shift, offsets, isDependent, steps, index, indexBits, streamBytes: baseBytes, deblocking,
+    size, depth, superblockLog2, baseLog2, ranks, channels, shift, offsets, isDependent, steps, index, indexBits, streamBytes: baseBytes, deblocking,
     isLight: pixel.colour === "srgb",
     isWeighted: pixel.channels % 2 === 0 && pixel.alpha !== "band",
   };

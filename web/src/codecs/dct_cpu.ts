@@ -5,7 +5,7 @@ import type { Size } from "../container.js";
 import type { BlockLayout, Blocks, Channel } from "../form.js";
 import { WORDS } from "../generated/dct.js";
 import type { Rect } from "../plan.js";
-import { COEFFICIENTS, FIRST_END, FIRST_ODD, lengthOf, ODD_TABLES, planesOf, PROBABILITY_BITS, SET_TABLES, SIDE, startOf, SYMBOLS, tableCount } from "./dct.js";
+import { COEFFICIENTS, FIRST_END, FIRST_ODD, lengthOf, ODD_TABLES, planeSide, planesOf, PROBABILITY_BITS, SET_TABLES, SIDE, startOf, superblockCounts, SYMBOLS, tableCount } from "./dct.js";
 
 /** First words of the classes of expected magnitudes and of the symbols. */
 const LEVEL_WORDS = 64;
@@ -275,14 +275,13 @@ function blockReader({ ranks, offsets, isDependent, steps, superblockLog2 }: Blo
 type PlaneReader = (plane: number, column: number, row: number, base: Part | undefined, out: Part) => [number, number];
 
 function readerOf(blocks: Blocks, planes: Size[]): PlaneReader {
-  const { layout, words: { buffer, byteOffset, length } } = blocks, log2 = layout.superblockLog2, side = 1 << (log2 - 3), axes = layout.ranks.length;
+  const { layout, words: { buffer, byteOffset, length } } = blocks, axes = layout.ranks.length, counts = superblockCounts(layout);
   const words = new Int32Array(buffer, byteOffset, length), coefficients = new Int32Array(COEFFICIENTS);
   const stream = streamOf(blocks, words), read = blockReader(layout, words, stream, planes.length, coefficients);
-  const superblocks = (texels: number): number => Math.ceil(texels / (1 << log2));
   return (plane, column, row, base, out) => {
     const { width, height } = planes[plane]!, means = planes[plane + 1]!;
-    const before = planes.slice(plane + 1).reduce((sum, coarser) => sum + superblocks(coarser.width) * superblocks(coarser.height), 0);
-    stream.start(before + row * superblocks(width) + column);
+    const before = counts.slice(plane + 1).reduce((sum, [columns, rows]) => sum + columns * rows, 0), side = planeSide(layout, plane) / SIDE;
+    stream.start(before + row * counts[plane]![0] + column);
     const [columns, rows] = [width, height].map((texels, at) => Math.min(side, Math.ceil(texels / SIDE) - side * (at ? row : column))) as [number, number];
     for (let block = 0; block < columns * rows; block++) {
       const x = column * side + (block % columns), y = row * side + Math.floor(block / columns);
@@ -309,15 +308,14 @@ function readerOf(blocks: Blocks, planes: Size[]): PlaneReader {
 
 /** The means that superblocks of a plane need, those a block around them, too; nothing where the plane is a single block. */
 function baseOf(layout: BlockLayout, planes: Size[], read: PlaneReader, plane: number, columns: Range, rows: Range): Part | undefined {
-  const base = planes[plane + 1], log2 = layout.superblockLog2;
+  const base = planes[plane + 1], side = planeSide(layout, plane) / SIDE, texels = planeSide(layout, plane + 1);
   if (!base) {
     return undefined;
   }
   // Superblocks of the base, its first sample in them, and samples.
   const cover = ([start, end]: Range, all: number): [Range, number, number] => {
-    const first = Math.max(0, (start << (log2 - 3)) - 1) >> log2, last = Math.min(all, (end << (log2 - 3)) + 1);
-    const held = Math.ceil(last / (1 << log2));
-    return [[first, held], first << log2, Math.min(held << log2, SIDE * Math.ceil(all / SIDE)) - (first << log2)];
+    const first = Math.floor(Math.max(0, start * side - 1) / texels), held = Math.ceil(Math.min(all, end * side + 1) / texels);
+    return [[first, held], first * texels, Math.min(held * texels, SIDE * Math.ceil(all / SIDE)) - first * texels];
   };
   const [across, left, width] = cover(columns, base.width), [down, top, height] = cover(rows, base.height);
   const part = { left, top, width, height, samples: new Int32Array(width * height * layout.ranks.length) };
@@ -403,12 +401,12 @@ function writeTexels(layout: BlockLayout, tile: Part, { level, x, y, width, heig
  * as RGBA of 8 bits row by row; gray in all three colours, alpha 255 where there is none. The rectangle lies inside of the level.
  */
 export function decodeBlocks(blocks: Blocks, rect: Rect): Uint8ClampedArray<ArrayBuffer> {
-  const { layout } = blocks, { superblockLog2, ranks, deblocking } = layout;
+  const { layout } = blocks, { ranks, deblocking } = layout;
   const out = new Uint8ClampedArray(4 * rect.width * rect.height).fill(255);
   if (out.length === 0) {
     return out;
   }
-  const side = 1 << superblockLog2, few = side >> rect.level;
+  const side = planeSide(layout, 0), few = side >> rect.level;
   const cover = (first: number, count: number): Range => [Math.floor(first / few), Math.ceil((first + count) / few)];
   const columns = cover(rect.x, rect.width), rows = cover(rect.y, rect.height);
   const planes = planesOf(layout.size), read = readerOf(blocks, planes), base = baseOf(layout, planes, read, 0, columns, rows);

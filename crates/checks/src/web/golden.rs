@@ -106,6 +106,7 @@ fn blocks(blocks: &GpuDct<'_>) -> Value {
             "size": { "width": layout.size.width, "height": layout.size.height },
             "depth": layout.depth,
             "superblockLog2": layout.superblock_log2,
+            "baseLog2": layout.base_log2,
             "ranks": layout.ranks,
             "channels": channels.collect::<Value>(),
             "shift": layout.shift,

@@ -11,7 +11,7 @@ use super::forward::{Coefficients, coefficients};
 use super::source::DctSource;
 use super::strength::{Tried, deblocked, strongest};
 use crate::decode::DctTexture;
-use crate::form::{DctForm, MAX_STEP, OCTAVE_STEPS, Quantiser};
+use crate::form::{BASE_LOG2, DctForm, MAX_STEP, OCTAVE_STEPS, Quantiser};
 
 /// Slope of the weights for the eye, in 1/64: 0.19 a unit of frequency. SSIMULACRA2 at 0.89, 1.28 and 2 bits, mean of four
 /// photographs, without masking: 61.7, 72.7, 82.8 at 0 (34.6, 37.1, 40.5 dB); 67.8, 77.0, 85.1 at 14 (0.5 dB less); 68.4, 77.4,
@@ -142,6 +142,7 @@ impl<'a> DctEncoder<'a> {
             size: source.size,
             depth: source.depth,
             superblock_log2: params.superblock_log2,
+            base_log2: BASE_LOG2,
             quantiser: Quantiser::of_step(0),
             deblocking: 0,
             groups: Vec::new(),

@@ -106,7 +106,7 @@ impl StageRow {
             index_bits: layout.index_bits,
             streams,
             stream_bytes: layout.stream_bytes,
-            superblock_log2: u32::from(layout.superblock_log2),
+            superblock_log2: u32::from(layout.superblock_log2) | u32::from(layout.base_log2) << 8,
             axes: layout.ranks.len().min(16) as u32,
             ranks: layout.packed_ranks(),
             offsets: layout.packed_offsets(),
@@ -119,11 +119,11 @@ impl StageRow {
 
     /// Most words of scratch memory that a tile of such a stage takes, of texels that are means of 2^`reduce_log2` samples a side.
     pub(super) fn most_words(stage: &GpuDct<'_>, reduce_log2: u32) -> u64 {
-        let log2 = u32::from(stage.layout.superblock_log2);
         let words = u64::from(texfold_shaders::BLOCK_WORDS + texfold_shaders::BLOCK_NOTES);
         let mut count = [SIDE << reduce_log2; 2];
         let mut sum = 0;
-        for plane in texfold_core::dct_planes(stage.layout.size) {
+        for (number, plane) in texfold_core::dct_planes(stage.layout.size).into_iter().enumerate() {
+            let log2 = u32::from(stage.layout.plane_log2(number));
             let blocks = |texels: u32, all: u32| {
                 let superblocks = (texels.div_ceil(1 << log2) + 1).min(all.div_ceil(1 << log2));
                 superblocks << (log2 - 3)

@@ -67,10 +67,14 @@ const ALLOWED: [Allowed; 25] = [
         package: "texfold",
         numeric: false,
         may: &[
+            // Categories and files of banks.
+            "ndarray",
             // Lists of banks.
             "serde",
             "serde_json",
+            "tempfile",
             "texfold-bc",
+            "texfold-codebook",
             "texfold-core",
             "texfold-dct",
             "texfold-epitome",

@@ -23,6 +23,7 @@ pub(crate) struct PartRow {
 
 /// Sizes of an encoded texture in bits, in all and per source texel.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub(crate) struct Sizes {
     /// Compressed form in memory: its parts add up to it.
     pub(crate) bits_memory: u64,
@@ -71,8 +72,9 @@ impl Sizes {
     }
 }
 
-/// One output.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// One output. Banks that the library wrote have a part of its fields.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub(crate) struct Row {
     pub(crate) input: String,
     pub(crate) output: String,
@@ -85,37 +87,34 @@ pub(crate) struct Row {
     #[serde(flatten)]
     pub(crate) sizes: Sizes,
     pub(crate) psnr: f64,
-    #[serde(skip_serializing_if = "Option::is_none", default)]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) psnr_alpha: Option<f64>,
     pub(crate) rms: f64,
     pub(crate) worst_block_rms: f64,
     /// [`Quality::psnr_worst_tile`] of the worst image; nothing of light fields and zoom stacks.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) psnr_worst_tile: Option<f64>,
     /// [`worst_relative_error`], for goals of it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) worst_relative_error: Option<f64>,
     pub(crate) ssim: f64,
     /// [`crate::ssimulacra2`], where it is defined.
-    #[serde(default)]
     pub(crate) ssimulacra2: Option<f64>,
     /// Mean angle in degrees that normals are turned by, of normal maps.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) degrees: Option<f64>,
     /// The maps of a material.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) maps: Vec<MapRow>,
     /// Light fields: photographs that are drawn again.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) views: Option<Views>,
     /// Zoom stacks: PSNR against the merged images, which the goal is about; for goals of PSNR against the worst of them.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) psnr_merged: Option<f64>,
     /// How texels are reached: "block" or "texel".
-    #[serde(default)]
     pub(crate) access: String,
     /// Whether the goal is met, where there is one.
-    #[serde(default)]
     pub(crate) goal_met: Option<bool>,
     pub(crate) encode_seconds: f64,
     pub(crate) encode_texels_per_second: f64,
@@ -124,10 +123,9 @@ pub(crate) struct Row {
     pub(crate) parts: Vec<PartRow>,
     pub(crate) verdict: String,
     /// What became of each codec that a choice among all considered.
-    #[serde(default)]
     pub(crate) tried: Vec<TriedRow>,
     /// Notes on how the files were read.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) notes: Vec<String>,
     pub(crate) warnings: Vec<String>,
 }

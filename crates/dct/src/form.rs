@@ -166,7 +166,7 @@ pub struct DctForm {
     pub depth: u8,
     /// Binary logarithm of a superblock's side, 4 to 6.
     pub superblock_log2: u8,
-    /// The same of the planes behind the image: [`BASE_LOG2`], or as the image's own in files written before.
+    /// The same of the planes behind the image: 4, or as the image's own in files written before.
     pub base_log2: u8,
     /// How coefficients became numbers.
     pub quantiser: Quantiser,

@@ -224,7 +224,9 @@
 //! In code, a [`Bank`](crate::bank::Bank) lists what is there, decodes rectangles of any level across tiles, and opens single tiles; [levels](crate::bank::Image::levels) of an image are those of its
 //! tiles, side by side.
 //!
-//! When images are added, tiles of `dct` share a step ([`Dct::encode_at_step`](crate::dct::Dct::encode_at_step)). With `progressive` an image is encoded against a public codebook and gives back the codebook as it has grown:
+//! A [`BankWriter`](crate::bank::BankWriter) adds images by block, whose tiles share a step ([`Dct::encode_at_step`](crate::dct::Dct::encode_at_step)): the files are those of
+//! `texfold bank add --codec dct`. The parts of it, for images that no single process holds: [`search_blocks`](crate::bank::search_blocks),
+//! [`block_tile`](crate::bank::block_tile), [`BankWriter::list_blocks`](crate::bank::BankWriter::list_blocks). With `progressive` an image is encoded against a public codebook and gives back the codebook as it has grown:
 //!
 //! ```
 //! use texfold::{Goal, ImageSet, Job, progressive::{Progressive, ProgressiveParams, Shared}};

@@ -6,22 +6,19 @@
 use std::time::Instant;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
-use texfold::bank::{is_device, is_printable};
+use texfold::bank::{Categories, Category, Seen, is_device, is_printable};
 use texfold_core::image::Depth;
 use texfold_core::{Access, ImageSize};
 use texfold_progressive::{Progressive, ProgressiveParams};
 
-use super::manifest::{self, Bank, Image, Manifest};
+use super::manifest::{self, Bank, Image};
 use super::sums::Sums;
 use super::task::{BankTask, Books, Grown, Place};
-use super::{Open, blocks, category, texel, tiles};
+use super::{Open, blocks, fault, texel, tiles};
 use crate::error::{CliError, guarded};
 use crate::input::{self, Remarks, georeference};
 use crate::progress::Share;
 use crate::report::Row;
-
-/// Where k-means starts from.
-const SEED: u64 = 0x7e8f_01d5;
 
 /// Bytes that a texel of a band takes at most: as it is read, and as it is cut.
 const BAND_BYTES: u64 = 12;
@@ -77,18 +74,14 @@ pub(crate) struct Made {
 
 /// What is seen of an image before it is added.
 #[derive(Debug, Default)]
-struct Seen {
-    /// Colours of its tiles.
-    colours: Vec<Vec<f32>>,
-    depth: Depth,
-    /// The largest own peak of its tiles.
-    peak: f32,
+struct Found {
+    tiles: Seen,
     georeference: Vec<u8>,
     remarks: Remarks,
 }
 
 /// The key of an image that is to be added, and what is seen of it; else what is to be done with it.
-type New = Result<(String, Seen), Step>;
+type New = Result<(String, Found), Step>;
 
 /// Finds out what is to be done with each image, and the categories of the tiles.
 ///
@@ -100,51 +93,39 @@ pub(crate) fn plan(open: &mut Open, tasks: &[&BankTask], limit_bytes: u64, force
         key.and_then(|key| Ok((key, seen.map_err(Step::Failed)?)))
     };
     let found: Vec<New> = tasks.iter().zip(keys).map(found).collect();
-    let mut manifest = open.bank.manifest().clone();
-    let known = || {
-        tasks.iter().zip(&found).filter_map(|(task, found)| Some((*task, &found.as_ref().ok()?.1.colours)))
-    };
+    let manifest = open.bank().manifest();
+    let (mut first, mut categories) = (manifest.next, Categories::of(manifest.categories.clone()));
+    let known =
+        || tasks.iter().zip(&found).filter_map(|(task, found)| Some((*task, &found.as_ref().ok()?.1.tiles)));
     let mut named = Vec::new();
     for (task, _) in known() {
         if let Some(name) = task.category.as_deref().filter(|name| !named.contains(name)) {
             let of_name = known().filter(|(task, _)| task.category.as_deref() == Some(name));
-            let tiles: Vec<Vec<f32>> = of_name.flat_map(|(_, colours)| colours).cloned().collect();
-            category::named(&mut manifest.categories, name, &tiles);
+            let tiles: Vec<Vec<f32>> = of_name.flat_map(|(_, seen)| &seen.colours).cloned().collect();
+            categories.name(name, &tiles);
             named.push(name);
         }
     }
-    if manifest.categories.is_empty() {
-        let tiles: Vec<Vec<f32>> = known().flat_map(|(_, colours)| colours).cloned().collect();
-        manifest.categories = category::divide(&tiles, SEED);
-    }
-    let mut first = manifest.next;
+    let tiles: Vec<Vec<f32>> = known().flat_map(|(_, seen)| &seen.colours).cloned().collect();
+    categories.begin(&tiles);
     let step = |(task, found): (&&BankTask, New)| match found {
-        Ok((key, seen)) => task.step(&mut manifest, key, &mut first, seen),
+        Ok((key, seen)) => task.step(&mut categories, key, &mut first, seen),
         Err(step) => step,
     };
     let steps = tasks.iter().zip(found).map(step).collect();
-    open.bank = Bank::of(open.bank.dir(), manifest);
+    open.writer.set_categories(categories.into_inner());
     steps
 }
 
 impl BankTask {
     /// Where tiles join categories, and which files are the image's: one for each tile, and one for each codebook that
     /// it grows.
-    fn step(&self, manifest: &mut Manifest, key: String, next: &mut u32, seen: Seen) -> Step {
-        let (first, Seen { colours, depth, peak, georeference, remarks }) = (*next, seen);
+    fn step(&self, categories: &mut Categories, key: String, next: &mut u32, found: Found) -> Step {
+        let (first, Found { tiles: Seen { colours, depth, peak }, georeference, remarks }) = (*next, found);
         *next += 2 * colours.len() as u32;
-        let categories: Vec<usize> = match &self.category {
-            Some(name) => match category::named(&mut manifest.categories, name, &[]) {
-                Some(number) => vec![number; colours.len()],
-                None => {
-                    let (path, most) = (self.path.clone(), category::MOST_NAMED);
-                    return Step::Failed(CliError::BankCategories { path, most });
-                }
-            },
-            None => {
-                let join = |colours| category::join(&mut manifest.categories, colours);
-                colours.into_iter().map(join).collect()
-            }
+        let categories = match categories.join(self.category.as_deref(), &colours) {
+            Ok(joined) => joined,
+            Err(error) => return Step::Failed(fault(&self.path, error)),
         };
         let access = self.access();
         let depends = access == Access::Texel && self.params().tries_codebooks();
@@ -167,18 +148,16 @@ impl BankTask {
         encoding.and_then(|encoding| encoding.accesses.first().copied()).unwrap_or_default()
     }
 
-    fn seen(&self, limit_bytes: u64) -> Result<Seen, CliError> {
+    fn seen(&self, limit_bytes: u64) -> Result<Found, CliError> {
         let mut seen = Seen::default();
         let mut remarks = self.settings.remarks.clone();
         tiles::each(&self.path, &self.settings, limit_bytes, &mut remarks, |cut| {
-            seen.colours.push(category::colours(&cut.tile));
-            seen.depth = cut.tile.info().depth;
-            seen.peak = seen.peak.max(cut.tile.own_peak());
+            seen.add(&cut.tile);
             Ok(())
         })?;
         input::note_of_peak(&self.path, seen.peak, &mut remarks);
         let georeference = georeference::of_input(&[&self.path], 1, &mut remarks);
-        Ok(Seen { remarks, georeference, ..seen })
+        Ok(Found { tiles: seen, remarks, georeference })
     }
 
     /// The fault of an image that is no longer what it was when its tiles were counted.
@@ -197,11 +176,11 @@ impl BankTask {
             return Err(Step::Failed(CliError::DeviceName { path: self.path.clone() }));
         }
         let key = self.key().map_err(Step::Failed)?;
-        match open.bank.images().iter().find(|image| image.name == self.name) {
+        match open.bank().images().iter().find(|image| image.name == self.name) {
             None => Ok(key),
             Some(_) if force => Ok(key),
             Some(known)
-                if known.key == key && known.tiles.iter().all(|tile| open.bank.path_of(tile).exists()) =>
+                if known.key == key && known.tiles.iter().all(|tile| open.bank().path_of(tile).exists()) =>
             {
                 Err(Step::Known(Box::new(known.row.clone())))
             }
@@ -270,38 +249,23 @@ impl Open {
     /// Lists an image that has been made, in the place of one of its name: from then on it counts. The files of the one before
     /// are removed after that; the rows that it added to codebooks stay, as others may use them.
     pub(crate) fn commit(&mut self, made: Made) -> Result<Row, CliError> {
-        let mut manifest = self.bank.manifest().clone();
-        for grown in &made.grown {
-            let category = &mut manifest.categories[grown.number];
-            category.tiles += grown.tiles;
-            if let Some((file, rows)) = &grown.file {
-                (category.file, category.rows) = (Some(file.clone()), *rows);
-            }
-        }
-        let row = made.image.row.clone();
-        let same = manifest.images.iter_mut().find(|image| image.name == made.image.name);
-        let before = match same {
-            Some(image) => std::mem::replace(image, made.image).tiles,
-            None => {
-                manifest.images.push(made.image);
-                Vec::new()
+        let Made { image, grown, end } = made;
+        let row = image.row.clone();
+        let path = self.bank().dir().join(&image.name);
+        let change = |categories: &mut [Category]| {
+            for grown in &grown {
+                let category = &mut categories[grown.number];
+                category.tiles += grown.tiles;
+                if let Some((file, rows)) = &grown.file {
+                    (category.file, category.rows) = (Some(file.clone()), *rows);
+                }
             }
         };
-        for tile in &before {
-            let category = &mut manifest.categories[tile.category as usize];
-            category.tiles = category.tiles.saturating_sub(1);
-        }
-        manifest.next = manifest.next.max(made.end);
-        let dir = self.bank.dir().to_owned();
-        manifest::commit(&mut manifest, &dir)?;
-        self.books.resize(manifest.categories.len(), None);
-        for grown in made.grown.into_iter().filter(|grown| grown.file.is_some()) {
+        let has_blocks = |image: &Image| manifest::access_of(image) == Access::Block;
+        self.writer.list(image, end, has_blocks, change).map_err(|error| fault(&path, error))?;
+        self.books.resize(self.bank().manifest().categories.len(), None);
+        for grown in grown.into_iter().filter(|grown| grown.file.is_some()) {
             self.books[grown.number] = grown.book;
-        }
-        self.bank = Bank::of(&dir, manifest);
-        for tile in before {
-            // A file that cannot be removed does no harm: nothing names it.
-            let _ = std::fs::remove_file(dir.join(tile.file));
         }
         Ok(row)
     }

@@ -3,14 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use texfold::bank::{BankError, Category, MANIFEST, Part, Tile};
+use texfold::bank::{BankError, Category, MANIFEST, Part, TILE_SIDE as TILE, Tile};
 use texfold::{AnyImage, dct::DctImages, progressive::ProgressiveTexture};
 use texfold_core::image::{PixelInfo, Raster};
 use texfold_core::{ImageSize, Rect, RegionError};
 use texfold_progressive::CELL_SIDE;
 
 use super::manifest::{self, Bank, Image, access_of, georeference_of};
-use super::tiles::TILE;
 use crate::console::{answer, complain};
 use crate::decompress::{Picture, Writing};
 use crate::error::{CliError, explain, guarded};

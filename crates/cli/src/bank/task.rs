@@ -4,13 +4,10 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use texfold_core::container::SectionWriter;
-use texfold_core::{Encoded, Image2d};
 use texfold_progressive::Codebook;
 
 use crate::compress::add_file;
 use crate::error::CliError;
-use crate::output::write_whole;
 use crate::settings::Settings;
 
 /// An image that is to be in a bank.
@@ -45,20 +42,6 @@ pub(super) struct Grown {
     pub(super) book: Option<Arc<Codebook>>,
     /// File and rows, where it has grown.
     pub(super) file: Option<(String, u32)>,
-}
-
-/// Writes the file of a tile; its name.
-pub(super) fn write_tile(
-    texture: &dyn Encoded<Domain = Image2d>,
-    dir: &Path,
-    next: &mut u32,
-) -> Result<String, CliError> {
-    let file = format!("image-{next:06}.txf");
-    *next += 1;
-    let mut writer = SectionWriter::new(texture.codec());
-    texture.store(&mut writer);
-    write_whole(&dir.join(&file), &writer.finish().bytes)?;
-    Ok(file)
 }
 
 /// Public codebooks by category.

@@ -7,14 +7,15 @@ use texfold_core::image::ImageSet;
 use texfold_core::{Access, ImageSize, Job, Limits, TextureCodec};
 use texfold_progressive::{Progressive, ProgressiveTexture, Shared};
 
+use super::fault;
 use super::sums::{Making, Sums};
-use super::task::{BankTask, Books, Grown, Place, write_tile};
-use super::tiles::{self, Cut, without_plain_alpha};
+use super::task::{BankTask, Books, Grown, Place};
+use super::tiles::{self, Cut};
 use crate::error::CliError;
 use crate::input::Remarks;
 use crate::output::write_whole;
 use crate::progress::Share;
-use texfold::bank::Tile;
+use texfold::bank::{Tile, without_plain_alpha, write_tile};
 
 /// Rows of texels that a public codebook may have: 512 of 256 texels are 64 kB in BC4.
 const MOST_ROWS: u32 = 512;
@@ -85,7 +86,7 @@ impl Encoding<'_> {
         let texture = Progressive::encode_shared(&set, &task.params(), &shared, &mut job)
             .map_err(|source| CliError::Encode { path: task.path.clone(), source })?;
         let grown_rows = grown.grow(dir, &texture, next)?;
-        let file = write_tile(&texture, dir, next)?;
+        let file = write_tile(&texture, dir, next).map_err(|error| fault(&task.path, error))?;
         let details = texture.details();
         let tile = Tile {
             file,

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use texfold::bank::{LEAST_SIDE as LEAST, TILE_SIDE as TILE, cuts};
 use texfold_core::image::Raster;
 use texfold_core::{ImageSize, Texel};
 use texfold_progressive::APRON;
@@ -13,11 +14,6 @@ use crate::input::{
 };
 use crate::settings::Settings;
 
-/// Texels a side of a tile: the paper's.
-pub(crate) const TILE: u32 = 1024;
-/// Least side of the last tile: what remains below is of the one before it. A narrow tile has few blocks to share a
-/// model and a border all along, and is seen beside one that is coded otherwise.
-const LEAST: u32 = TILE / 4;
 /// Most rows that are held at a time.
 pub(crate) const MOST_ROWS: u32 = TILE + LEAST + 2 * APRON;
 
@@ -52,21 +48,6 @@ impl Cut<'_> {
         let around = Raster::from_texels(width, height, texels.info(), &all);
         around.map(Some).map_err(|source| CliError::Source { path: band.path().to_owned(), source })
     }
-}
-
-/// First column and width of tiles that cover `length` columns; or row and height.
-fn cuts(length: u32) -> impl Iterator<Item = (u32, u32)> {
-    let count = length.saturating_sub(LEAST).div_ceil(TILE).max(1);
-    (0..count).map(move |index| {
-        let start = index * TILE;
-        (start, if index + 1 < count { TILE } else { length - start })
-    })
-}
-
-/// The tile without alpha where all of it is opaque: it would have to be stored.
-pub(crate) fn without_plain_alpha(tile: Raster) -> Raster {
-    let opaque = tile.info().has_alpha() && tile.texels().all(|texel| texel.w >= 1.0);
-    if opaque { tile.with_channels(tile.info().channels - 1) } else { tile }
 }
 
 /// Hands the tiles of the image at `path` to `take`, row by row.
@@ -104,20 +85,6 @@ pub(crate) fn each(
 mod tests {
     use super::*;
     use crate::config::{ColorName, Options};
-
-    #[test]
-    fn tiles_cover_all_and_none_is_narrow() {
-        for length in [1, 5, 1024, 1025, 1279, 1280, 1281, 2048, 2250, 2303, 2305, 5400, 32768] {
-            let cuts: Vec<_> = cuts(length).collect();
-            let mut end = 0;
-            for (index, &(start, count)) in (0..).zip(&cuts) {
-                assert_eq!((start, start), (end, index * TILE), "{length}");
-                end += count;
-            }
-            let (_, last) = cuts[cuts.len() - 1];
-            assert!(end == length && last <= TILE + LEAST && (last > LEAST || cuts.len() == 1), "{length}");
-        }
-    }
 
     #[test]
     fn tiles_are_cut_with_what_surrounds_them_and_the_edge_beyond_the_image() {

@@ -6,8 +6,10 @@ use std::time::{Duration, Instant};
 
 use image::{DynamicImage, ExtendedColorType};
 use serde_json::Value;
-use texfold::bank::{Bank, BankError};
+use texfold::bank::{Bank, BankError, BankWriter, NewImage, WriteError};
 use texfold::core::{Rect, RegionError, Texel};
+use texfold::dct::Dct;
+use texfold::{Effort, EncodeSettings, Goal};
 
 use crate::support::{Place, Run, names, psnr};
 
@@ -377,6 +379,53 @@ fn tiles_of_an_image_share_a_step_and_the_image_meets_the_goal() {
     let (run, report) = add(&place, "in --codec dct --bpp 0.001 --effort fast --out less");
     assert_eq!((run.code, &report[0]["goal_met"]), (Some(0), &false.into()), "{}", run.stderr);
     assert!(report[0]["warnings"][0].as_str().unwrap().contains("missed"), "{report:?}");
+}
+
+#[test]
+fn the_library_writes_what_the_program_writes_and_each_reads_the_other() {
+    let place = Place::new();
+    place.image("in/a.png", 1400, 60, 4);
+    let (run, _) = add(&place, "in --codec dct --psnr 34 --effort fast --mips --out program");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let encode = |dir: &str, name: &str, key: &str| {
+        let settings = EncodeSettings {
+            goal: Goal::Psnr(34.0),
+            effort: Effort::Fast,
+            mips: true,
+            ..EncodeSettings::default()
+        };
+        let image = texfold_testkit::png(&place.at("in/a.png"));
+        let mut bank: BankWriter = BankWriter::open(&place.at(dir)).unwrap();
+        bank.add_blocks(&NewImage { name, key, ..NewImage::default() }, &image, &settings.params::<Dct>())
+    };
+    assert!(encode("library", "a", "1").unwrap());
+    let tiles = |bank: &str| {
+        let files = bank_files(&place, bank).into_iter().filter(|(name, _)| name.ends_with("txf"));
+        files.collect::<Vec<_>>()
+    };
+    assert!(tiles("program").len() == 2 && tiles("program") == tiles("library"));
+    for field in ["next", "version", "categories"] {
+        assert_eq!(manifest(&place, "program")[field], manifest(&place, "library")[field]);
+    }
+    let row = |bank: &str, image: usize| manifest(&place, bank)["images"][image]["row"].clone();
+    for field in
+        ["psnr", "rms", "worst_block_rms", "bits_memory", "bits_disk", "bpp_resident", "goal_met", "codec"]
+    {
+        assert_eq!(row("program", 0)[field], row("library", 0)[field], "{field}");
+    }
+
+    // The same again is there already; another one of its name is refused.
+    assert!(!encode("library", "a", "1").unwrap());
+    assert!(matches!(encode("library", "a", "2"), Err(WriteError::Known { .. })));
+    assert!(matches!(encode("library", "../a", "1"), Err(WriteError::Name { .. })));
+    // The library keeps what the program wrote of its image.
+    assert!(encode("program", "b", "1").unwrap());
+    assert!(row("program", 0)["verdict"].as_str().unwrap().contains("2 tiles"), "{}", row("program", 0));
+    let run = place.run("bank list program");
+    assert!(run.code == Some(0) && run.stdout.contains('b'), "{}", run.stderr);
+    let (run, _) = add(&place, "in --codec dct --psnr 30 --effort fast --force --out library");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert_eq!(manifest(&place, "library")["images"].as_array().unwrap().len(), 1);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use glam::Vec4;
 
 use super::{Alpha, ColorSpace, Depth, ImageSize, PixelInfo};
-use crate::{SourceError, Texel};
+use crate::{Rect, SourceError, Texel};
 
 /// The largest value of the deepest source.
 const DEEPEST: f32 = u16::MAX as f32;
@@ -159,6 +159,27 @@ impl Raster {
         let extra = channels.is_multiple_of(2);
         let (all, color) = (self.info.color_channels() + u8::from(extra), self.info.color);
         self.with_channels(all).tagged(color, if extra { Alpha::Band } else { Alpha::Opaque })
+    }
+
+    /// The texels of a rectangle, as far as it lies inside; at least one. `rect.image` and `rect.level` do not count.
+    #[must_use]
+    pub fn crop(&self, rect: Rect) -> Raster {
+        let (x, y) = (rect.x.min(self.size.width - 1), rect.y.min(self.size.height - 1));
+        let width = rect.width.clamp(1, self.size.width - x);
+        let height = rect.height.clamp(1, self.size.height - y);
+        let channels = usize::from(self.info.channels);
+        let lines = (y..y + height).map(|row| {
+            let first = self.number(x, row) * channels;
+            first..first + width as usize * channels
+        });
+        let data = match &self.data {
+            Values::Eight(values) => Values::Eight(lines.flat_map(|line| &values[line]).copied().collect()),
+            Values::Sixteen(values) => {
+                Values::Sixteen(lines.flat_map(|line| &values[line]).copied().collect())
+            }
+            Values::Float(values) => Values::Float(lines.flat_map(|line| &values[line]).copied().collect()),
+        };
+        Raster { size: ImageSize { width, height }, data, ..*self }
     }
 
     /// The same image with exactly `channels` channels: gray is copied to RGB, missing alpha is 1, and

@@ -22,6 +22,8 @@
 
 mod files;
 mod manifest;
+#[cfg(feature = "encode")]
+mod write;
 
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -39,6 +41,8 @@ pub use files::{irregular, open as open_file};
 pub use manifest::{Category, Image, MANIFEST, Manifest, Tile, Unread};
 #[doc(hidden)]
 pub use manifest::{is_device, is_printable};
+#[cfg(feature = "encode")]
+pub use write::*;
 
 /// Bytes that are read at a time of a file whose first ones may suffice.
 const PIECE: usize = 4096;

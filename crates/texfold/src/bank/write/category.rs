@@ -6,9 +6,11 @@
 //! join it.
 
 use ndarray::Array2;
-use texfold::bank::Category;
 use texfold_codebook::{Settings, build};
 use texfold_core::image::Raster;
+
+use super::super::Category;
+use super::WriteError;
 
 /// Ranges of a channel.
 const RANGES: usize = 4;
@@ -18,18 +20,68 @@ const COLOURS: usize = RANGES * RANGES * RANGES;
 const MOST: usize = 6;
 /// Texels that are counted in each direction.
 const COUNTED: u32 = 256;
+/// Where k-means starts from.
+const SEED: u64 = 0x7e8f_01d5;
 /// Distance of shares (0 to 2, the sum of differences) from which a tile opens a category of its own.
 const FAR: f32 = 1.2;
 
 /// Most categories that a user may name.
-pub(crate) const MOST_NAMED: usize = 64;
+const MOST_NAMED: usize = 64;
+
+/// The categories of a bank, as images join them.
+#[derive(Debug, Clone)]
+pub struct Categories(Vec<Category>);
+
+impl Categories {
+    /// Those of a bank.
+    #[must_use]
+    pub fn of(categories: Vec<Category>) -> Categories {
+        Categories(categories)
+    }
+
+    /// The categories.
+    #[must_use]
+    pub fn into_inner(self) -> Vec<Category> {
+        self.0
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Makes a category of that name, with the mean of such colours ([`colours`]), where there is none and room for one.
+    pub fn name(&mut self, name: &str, tiles: &[Vec<f32>]) {
+        named(&mut self.0, name, tiles);
+    }
+
+    /// Divides tiles of such colours into the first categories, where there are none.
+    pub fn begin(&mut self, tiles: &[Vec<f32>]) {
+        if self.0.is_empty() {
+            self.0 = divide(tiles, SEED);
+        }
+    }
+
+    /// The categories that tiles of such colours join: that of the name, or those of the nearest colours, which may be new.
+    ///
+    /// # Errors
+    /// [`WriteError::Categories`] where there is no room for the name.
+    pub fn join(&mut self, name: Option<&str>, tiles: &[Vec<f32>]) -> Result<Vec<usize>, WriteError> {
+        let Some(name) = name else {
+            return Ok(tiles.iter().map(|colours| join(&mut self.0, colours.clone())).collect());
+        };
+        let number = named(&mut self.0, name, &[]).ok_or(WriteError::Categories { most: MOST_NAMED })?;
+        Ok(vec![number; tiles.len()])
+    }
+}
 
 fn category(name: Option<String>, colours: Vec<f32>) -> Category {
     Category { name, colours, tiles: 0, file: None, rows: 0 }
 }
 
 /// The category of that name, with the mean of such colours where it is new; `None` where there are too many.
-pub(crate) fn named(categories: &mut Vec<Category>, name: &str, tiles: &[Vec<f32>]) -> Option<usize> {
+fn named(categories: &mut Vec<Category>, name: &str, tiles: &[Vec<f32>]) -> Option<usize> {
     let known = categories.iter().position(|category| category.name.as_deref() == Some(name));
     if known.is_some() || categories.len() >= MOST_NAMED {
         return known;
@@ -42,8 +94,9 @@ pub(crate) fn named(categories: &mut Vec<Category>, name: &str, tiles: &[Vec<f32
     Some(categories.len() - 1)
 }
 
-/// The shares of colours of a tile.
-pub(crate) fn colours(tile: &Raster) -> Vec<f32> {
+/// The shares of colours of a tile: of 4 x 4 x 4 ranges of red, green and blue, of a part of its texels.
+#[must_use]
+pub fn colours(tile: &Raster) -> Vec<f32> {
     let size = tile.size();
     let mut counts = vec![0u32; COLOURS];
     let step = |side: u32| side.div_ceil(COUNTED).max(1) as usize;
@@ -60,7 +113,7 @@ pub(crate) fn colours(tile: &Raster) -> Vec<f32> {
 }
 
 /// Categories for tiles of such colours: fewer than [`MOST`] where tiles are alike.
-pub(crate) fn divide(tiles: &[Vec<f32>], seed: u64) -> Vec<Category> {
+fn divide(tiles: &[Vec<f32>], seed: u64) -> Vec<Category> {
     let values: Vec<f32> = tiles.iter().flatten().copied().collect();
     let Ok(vectors) = Array2::from_shape_vec((tiles.len(), COLOURS), values) else { return Vec::new() };
     let settings = Settings { seed, ..Settings::default() };
@@ -77,7 +130,7 @@ pub(crate) fn divide(tiles: &[Vec<f32>], seed: u64) -> Vec<Category> {
 }
 
 /// The category that a tile joins, which may be a new one.
-pub(crate) fn join(categories: &mut Vec<Category>, colours: Vec<f32>) -> usize {
+fn join(categories: &mut Vec<Category>, colours: Vec<f32>) -> usize {
     let away = |category: &Category| distance(&category.colours, &colours);
     let nearest =
         (0..categories.len()).min_by(|&a, &b| away(&categories[a]).total_cmp(&away(&categories[b])));

@@ -1,0 +1,135 @@
+//! Images by block: all tiles with one step, with which the image as a whole answers the goal.
+//!
+//! A step a tile would give each the same PSNR, smooth ones finer steps than they need beside rough ones: more bits for the
+//! same errors of the image, and noise that changes where tiles meet. The image is read once for each step that is tried,
+//! so that no more than a tile of it is held.
+
+use texfold_core::image::{ImageSet, Raster};
+use texfold_core::metric::{SquaredError, quality};
+use texfold_core::target::Measured;
+use texfold_core::{EncodeError, Encoded, Goal, ImageSize, Job};
+use texfold_dct::{Dct, DctImages, DctParams};
+
+use super::{Seen, SourceTile, TileSource, WriteError};
+
+/// The errors and bits of tiles at a step: those of several are added up.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StepErrors {
+    /// Bits that goals count.
+    pub bits: u64,
+    /// Texels.
+    pub texels: u64,
+    /// Error of colours; of no texel where the goal is one of bits, which needs no decoding.
+    pub color: SquaredError,
+    /// RMS error of the worst 4x4 block, in 8-bit units.
+    pub worst_block_rms: f64,
+}
+
+impl StepErrors {
+    /// Both together.
+    #[must_use]
+    pub fn and(self, other: StepErrors) -> StepErrors {
+        StepErrors {
+            bits: self.bits + other.bits,
+            texels: self.texels + other.texels,
+            color: self.color + other.color,
+            worst_block_rms: self.worst_block_rms.max(other.worst_block_rms),
+        }
+    }
+
+    /// What a goal is held against.
+    #[must_use]
+    pub fn measured(&self) -> Measured {
+        Measured {
+            psnr: self.color.psnr(),
+            bpp: self.bits as f64 / self.texels.max(1) as f64,
+            worst_block_rms: self.worst_block_rms,
+        }
+    }
+}
+
+/// A tile as it is encoded by block: without alpha where all of it is opaque, its errors held against `peak`
+/// ([`Raster::peak`]), the image's largest.
+#[must_use]
+pub fn block_source(tile: Raster, peak: f32) -> ImageSet {
+    ImageSet::single(without_plain_alpha(tile.with_peak(peak)))
+}
+
+/// The tile without alpha where all of it is opaque: it would have to be stored.
+#[doc(hidden)]
+#[must_use]
+pub fn without_plain_alpha(tile: Raster) -> Raster {
+    let opaque = tile.info().has_alpha() && tile.texels().all(|texel| texel.w >= 1.0);
+    if opaque { tile.with_channels(tile.info().channels - 1) } else { tile }
+}
+
+/// The errors and bits of a tile ([`block_source`]) at a step.
+///
+/// # Errors
+/// [`EncodeError`].
+pub fn step_errors(set: &ImageSet, params: &DctParams, step: u16) -> Result<StepErrors, EncodeError> {
+    let images = Dct::encode_at_step(set, params, step, &mut Job::default())?;
+    let mut errors =
+        StepErrors { bits: images.memory().goal, texels: set.texel_count(), ..StepErrors::default() };
+    if !matches!(params.goal, Goal::Bpp(_)) {
+        let found = quality(set, &images);
+        (errors.color, errors.worst_block_rms) = (found.color, found.worst_block_rms);
+    }
+    Ok(errors)
+}
+
+/// A tile ([`block_source`]) at the step of its image; `met`: whether the image answers the goal.
+///
+/// # Errors
+/// [`EncodeError`].
+pub fn block_tile(
+    set: &ImageSet,
+    params: &DctParams,
+    step: u16,
+    met: bool,
+) -> Result<DctImages, EncodeError> {
+    let images = Dct::encode_at_step(set, params, step, &mut Job::default())?;
+    images.described(set, params, met, &Job::default())
+}
+
+/// Searches the step with which all tiles of a source together just meet the goal, reading it once for each step that is tried: the
+/// step, and whether it meets the goal.
+///
+/// # Errors
+/// [`WriteError::Encode`], [`WriteError::Changed`] of a source without tiles, and those of the source.
+pub fn search_blocks<S: TileSource>(
+    source: &S,
+    params: &DctParams,
+    seen: &Seen,
+) -> Result<(u16, bool), S::Error> {
+    let found = Dct::search_step(params.goal, seen.depth, |step| {
+        let mut all = StepErrors::default();
+        source.each_tile(&mut |SourceTile { texels, .. }| {
+            let errors = step_errors(&block_source(texels, seen.peak), params, step);
+            all = all.and(errors.map_err(WriteError::from)?);
+            Ok(())
+        })?;
+        Ok::<_, S::Error>((step, all.measured()))
+    })?;
+    let found = found.ok_or(WriteError::Changed)?;
+    Ok((found.value, found.met))
+}
+
+/// Hands the tiles of a source to `take`, at the step that [`search_blocks`] found: their places, as they were encoded, and encoded; the
+/// size of the image.
+///
+/// # Errors
+/// [`WriteError::Encode`], and those of the source and of `take`.
+pub fn encode_blocks<S: TileSource>(
+    source: &S,
+    params: &DctParams,
+    (step, met): (u16, bool),
+    seen: &Seen,
+    mut take: impl FnMut((u32, u32), ImageSet, DctImages) -> Result<(), S::Error>,
+) -> Result<ImageSize, S::Error> {
+    source.each_tile(&mut |SourceTile { place, texels }| {
+        let set = block_source(texels, seen.peak);
+        let images = block_tile(&set, params, step, met).map_err(WriteError::from)?;
+        take(place, set, images)
+    })
+}

@@ -1,0 +1,409 @@
+//! Adding images to banks.
+//!
+//! An image is added by writing files of new names, each whole and on the disk, and then renaming a new `bank.json` over the old: a
+//! crash at any time leaves the bank as it was before that image. One process at a time adds, held off by a lock on `bank.lock`
+//! that the system gives back when the process ends, however it ends.
+//!
+//! ```no_run
+//! use texfold::bank::{BankWriter, NewImage};
+//! use texfold::dct::Dct;
+//! use texfold::{ColorSpace, EncodeSettings, Goal, Raster};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let land = Raster::from_u8(4096, 4096, 3, ColorSpace::Srgb, &vec![90; 3 << 24])?;
+//! let settings = EncodeSettings { goal: Goal::Psnr(36.0), mips: true, ..EncodeSettings::default() };
+//! let mut bank: BankWriter = BankWriter::open("target/bank".as_ref())?;
+//! let image = NewImage { name: "land", key: "2026-11-28", ..NewImage::default() };
+//! bank.add_blocks(&image, &land, &settings.params::<Dct>())?;
+//! # Ok(())
+//! # }
+//! ```
+
+mod blocks;
+mod category;
+mod cuts;
+mod error;
+mod report;
+mod whole;
+
+use std::collections::HashSet;
+use std::fs::{self, File};
+use std::path::Path;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use texfold_core::container::SectionWriter;
+use texfold_core::image::{Depth, Raster};
+use texfold_core::{Encoded, Image2d, ImageSize};
+use texfold_dct::DctParams;
+
+#[doc(hidden)]
+pub use self::blocks::without_plain_alpha;
+pub use self::blocks::{StepErrors, block_source, block_tile, encode_blocks, search_blocks, step_errors};
+pub use self::category::{Categories, colours};
+pub use self::cuts::{LEAST_SIDE, TILE_SIDE, cuts, tile_rects};
+pub use self::error::WriteError;
+pub use self::report::{Report, Sums};
+use self::whole::write_whole;
+#[doc(hidden)]
+pub use self::whole::{remove_stale, write_and_rename};
+use super::{Bank, Category, Image, MANIFEST, Manifest, Tile, is_device, is_printable};
+
+/// Name of the file that is locked while images are added.
+const LOCK: &str = "bank.lock";
+
+/// An image that can be read from top to bottom, as often as an encoder asks. A [`Raster`] is one.
+pub trait TileSource {
+    /// Causes for which it cannot be read.
+    type Error: From<WriteError>;
+
+    /// Hands its tiles ([`tile_rects`]) to `take`, row by row; its size.
+    ///
+    /// # Errors
+    /// Its own, and whatever `take` returns, at once.
+    fn each_tile(
+        &self,
+        take: &mut dyn FnMut(SourceTile) -> Result<(), Self::Error>,
+    ) -> Result<ImageSize, Self::Error>;
+}
+
+/// A tile of an image that is added.
+#[derive(Debug)]
+pub struct SourceTile {
+    /// Its first column and row.
+    pub place: (u32, u32),
+    /// Its texels.
+    pub texels: Raster,
+}
+
+impl TileSource for Raster {
+    type Error = WriteError;
+
+    fn each_tile(
+        &self,
+        take: &mut dyn FnMut(SourceTile) -> Result<(), WriteError>,
+    ) -> Result<ImageSize, WriteError> {
+        for rect in tile_rects(self.size()) {
+            take(SourceTile { place: (rect.x, rect.y), texels: self.crop(rect) })?;
+        }
+        Ok(self.size())
+    }
+}
+
+/// An image that is added.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NewImage<'n> {
+    /// Its name, unlike those of other images: that of a file without folder and extension.
+    pub name: &'n str,
+    /// Text that says what its stored form depends on, such as a hash of its texels and settings: an image of the same name and key is there already.
+    pub key: &'n str,
+    /// The category that all of its tiles join; without one each joins that of the nearest colours.
+    pub category: Option<&'n str>,
+    /// The TIFF of one texel with its GeoTIFF tags, in base64; empty where there are none.
+    pub georeference: &'n str,
+    /// Whether it takes the place of an image of its name with another key.
+    pub replaces: bool,
+}
+
+/// What is seen of the tiles of an image before it is encoded.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Seen {
+    /// Shares of colours of each tile, row by row ([`colours`]).
+    pub colours: Vec<Vec<f32>>,
+    /// Bits of its samples.
+    pub depth: Depth,
+    /// The largest own peak of its tiles ([`Raster::own_peak`]).
+    pub peak: f32,
+}
+
+impl Seen {
+    /// Takes a tile in.
+    pub fn add(&mut self, tile: &Raster) {
+        self.colours.push(colours(tile));
+        self.depth = tile.info().depth;
+        self.peak = self.peak.max(tile.own_peak());
+    }
+}
+
+/// A bank that images are added to; it is locked while this lives.
+#[derive(Debug)]
+pub struct BankWriter<Row = Report> {
+    bank: Bank<Row>,
+    _lock: File,
+}
+
+impl<Row: DeserializeOwned> BankWriter<Row> {
+    /// Opens or begins the bank in a folder, and takes away what an interrupted process left there.
+    ///
+    /// # Errors
+    /// [`WriteError::Locked`] while another process adds; [`WriteError::Write`], [`WriteError::Bank`].
+    pub fn open(dir: &Path) -> Result<BankWriter<Row>, WriteError> {
+        fs::create_dir_all(dir).map_err(|source| WriteError::Write { path: dir.to_owned(), source })?;
+        let lock = lock(dir)?;
+        remove_stale(dir);
+        let bank = match dir.join(MANIFEST).exists() {
+            true => Bank::open(dir)?,
+            false => Bank::of(dir, Manifest::default()),
+        };
+        let writer = BankWriter { bank, _lock: lock };
+        writer.remove_leftovers();
+        Ok(writer)
+    }
+}
+
+impl<Row> BankWriter<Row> {
+    /// What is listed.
+    #[must_use]
+    pub fn bank(&self) -> &Bank<Row> {
+        &self.bank
+    }
+
+    /// The same bank with categories that are in no file before an image is listed.
+    #[doc(hidden)]
+    pub fn set_categories(&mut self, categories: Vec<Category>)
+    where
+        Row: Clone,
+    {
+        let manifest = Manifest { categories, ..self.bank.manifest().clone() };
+        self.bank = Bank::of(self.bank.dir(), manifest);
+    }
+
+    /// Removes files of banks that the manifest does not name. Others are left alone.
+    fn remove_leftovers(&self) {
+        let manifest = self.bank.manifest();
+        let tiles = manifest.images.iter().flat_map(|image| &image.tiles).map(|tile| tile.file.as_str());
+        let books = manifest.categories.iter().filter_map(|category| category.file.as_deref());
+        let named: HashSet<&str> = tiles.chain(books).collect();
+        let Ok(entries) = fs::read_dir(self.bank.dir()) else { return };
+        for entry in entries.flatten() {
+            let name = entry.file_name();
+            let ours = name.to_str().is_some_and(|name| {
+                (name.starts_with("image-") || name.starts_with("category-")) && name.ends_with(".txf")
+            });
+            if ours && name.to_str().is_some_and(|name| !named.contains(name)) {
+                // A file that cannot be removed does no harm: nothing names it.
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+    }
+}
+
+impl<Row: Serialize + Clone> BankWriter<Row> {
+    /// Lists an image whose files are written, in the place of one of its name: from then on it counts. `change` may change
+    /// categories; `next` is the number of the first file that is not the image's. The files of an image before it are removed after that.
+    ///
+    /// # Errors
+    /// [`WriteError::Write`].
+    pub fn list(
+        &mut self,
+        image: Image<Row>,
+        next: u32,
+        has_blocks: impl Fn(&Image<Row>) -> bool,
+        change: impl FnOnce(&mut [Category]),
+    ) -> Result<(), WriteError> {
+        let mut manifest = self.bank.manifest().clone();
+        change(&mut manifest.categories);
+        let same = manifest.images.iter_mut().find(|known| known.name == image.name);
+        let before = match same {
+            Some(known) => std::mem::replace(known, image).tiles,
+            None => {
+                manifest.images.push(image);
+                Vec::new()
+            }
+        };
+        for tile in &before {
+            let category = &mut manifest.categories[tile.category as usize];
+            category.tiles = category.tiles.saturating_sub(1);
+        }
+        manifest.next = manifest.next.max(next);
+        let has_blocks = manifest.images.iter().any(has_blocks);
+        manifest.set_version(has_blocks);
+        let dir = self.bank.dir().to_owned();
+        let path = dir.join(MANIFEST);
+        let failed = |source| WriteError::Write { path: path.clone(), source };
+        let text = serde_json::to_vec(&manifest).map_err(|source| failed(source.into()))?;
+        write_whole(&path, &text).map_err(failed)?;
+        // The rename itself reaches the disk with the folder.
+        if let Ok(folder) = File::open(&dir) {
+            let _ = folder.sync_all();
+        }
+        self.bank = Bank::of(&dir, manifest);
+        for tile in before {
+            // A file that cannot be removed does no harm: nothing names it.
+            let _ = fs::remove_file(dir.join(tile.file));
+        }
+        Ok(())
+    }
+}
+
+impl BankWriter<Report> {
+    /// Adds an image by block: all tiles with the step with which the image as a whole meets the goal. It is read twice and once for each
+    /// step that is tried. False where an image of the same name and key is there already.
+    ///
+    /// # Errors
+    /// [`WriteError`], and those of the source.
+    pub fn add_blocks<S: TileSource>(
+        &mut self,
+        image: &NewImage<'_>,
+        source: &S,
+        params: &DctParams,
+    ) -> Result<bool, S::Error> {
+        if !self.is_new(image)? {
+            return Ok(false);
+        }
+        let mut seen = Seen::default();
+        source.each_tile(&mut |tile| {
+            seen.add(&tile.texels);
+            Ok(())
+        })?;
+        let categories = self.categories_for(image, &seen)?;
+        let found = search_blocks(source, params, &seen)?;
+        let dir = self.bank.dir().to_owned();
+        let first = self.bank.manifest().next;
+        let (mut sums, mut tiles, mut next) = (Sums::default(), Vec::new(), first);
+        let size = encode_blocks(source, params, found, &seen, |place, set, images| {
+            let category = *categories.get(tiles.len()).ok_or(WriteError::Changed)?;
+            sums.add(&set, &images);
+            let size = set.images()[0].size();
+            tiles.push(block_tile_entry(write_tile(&images, &dir, &mut next)?, place, size, category));
+            Ok(())
+        })?;
+        let end = first + 2 * categories.len() as u32;
+        self.list_blocks(image, (size, tiles), &sums.report(found.1), end)?;
+        Ok(true)
+    }
+
+    /// Whether an image is to be added: false where it is there already.
+    ///
+    /// # Errors
+    /// [`WriteError::Name`], [`WriteError::Known`].
+    pub fn is_new(&self, image: &NewImage<'_>) -> Result<bool, WriteError> {
+        let is_file = Path::new(image.name).file_name() == Some(image.name.as_ref());
+        let named = [Some(image.name), image.category].into_iter().flatten();
+        if let Some(name) =
+            named.into_iter().find(|name| !is_printable(name) || is_device(image.name) || !is_file)
+        {
+            return Err(WriteError::Name { name: name.to_owned() });
+        }
+        match self.bank.images().iter().find(|known| known.name == image.name) {
+            Some(known) if known.key == image.key => {
+                Ok(!known.tiles.iter().all(|tile| self.bank.path_of(tile).exists()))
+            }
+            Some(_) if !image.replaces => Err(WriteError::Known { name: image.name.to_owned() }),
+            _ => Ok(true),
+        }
+    }
+
+    /// The categories that the tiles of an image join, row by row.
+    ///
+    /// # Errors
+    /// [`WriteError::Categories`].
+    pub fn categories_for(&mut self, image: &NewImage<'_>, seen: &Seen) -> Result<Vec<usize>, WriteError> {
+        let mut categories = Categories::of(self.bank.manifest().categories.clone());
+        if let Some(name) = image.category {
+            categories.name(name, &seen.colours);
+        } else {
+            categories.begin(&seen.colours);
+        }
+        let joined = categories.join(image.category, &seen.colours)?;
+        self.set_categories(categories.into_inner());
+        Ok(joined)
+    }
+
+    /// Lists an image by block whose tiles are written; `end` is the number of the first file that is not its own.
+    ///
+    /// # Errors
+    /// [`WriteError::Write`].
+    pub fn list_blocks(
+        &mut self,
+        image: &NewImage<'_>,
+        (size, tiles): (ImageSize, Vec<Tile>),
+        report: &Report,
+        end: u32,
+    ) -> Result<(), WriteError> {
+        let joined: Vec<u32> = tiles.iter().map(|tile| tile.category).collect();
+        let image = Image {
+            name: image.name.to_owned(),
+            key: image.key.to_owned(),
+            width: size.width,
+            height: size.height,
+            channels: report.channels,
+            levels: report.levels,
+            georeference: image.georeference.to_owned(),
+            tiles,
+            row: report.clone(),
+        };
+        self.list(image, end, Report::is_by_block, |categories| {
+            joined.iter().for_each(|&category| categories[category as usize].tiles += 1);
+        })
+    }
+}
+
+/// The entry of a tile by block in the list of a bank.
+#[must_use]
+pub fn block_tile_entry(file: String, (x, y): (u32, u32), size: ImageSize, category: usize) -> Tile {
+    let ImageSize { width, height } = size;
+    Tile { file, x, y, width, height, category: category as u32, grown_rows: 0, own_cells: 0, blocks: [0; 3] }
+}
+
+/// Name of the file of a tile by its number.
+#[must_use]
+pub fn tile_file(number: u32) -> String {
+    format!("image-{number:06}.txf")
+}
+
+/// Writes the file of a tile, whole, and counts its number up; its name.
+///
+/// # Errors
+/// [`WriteError::Write`].
+pub fn write_tile(
+    texture: &dyn Encoded<Domain = Image2d>,
+    dir: &Path,
+    next: &mut u32,
+) -> Result<String, WriteError> {
+    let file = tile_file(*next);
+    *next += 1;
+    let mut writer = SectionWriter::new(texture.codec());
+    texture.store(&mut writer);
+    let path = dir.join(&file);
+    write_whole(&path, &writer.finish().bytes).map_err(|source| WriteError::Write { path, source })?;
+    Ok(file)
+}
+
+/// Takes the lock of a bank.
+fn lock(dir: &Path) -> Result<File, WriteError> {
+    let path = dir.join(LOCK);
+    let failed = |source| WriteError::Write { path: path.clone(), source };
+    let file = File::options().create(true).append(true).open(&path).map_err(failed)?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(fs::TryLockError::WouldBlock) => Err(WriteError::Locked { path: dir.to_owned() }),
+        Err(fs::TryLockError::Error(source)) => Err(failed(source)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_process_at_a_time_adds() {
+        let dir = tempfile::tempdir().unwrap();
+        let first: BankWriter = BankWriter::open(dir.path()).unwrap();
+        assert!(matches!(BankWriter::<Report>::open(dir.path()), Err(WriteError::Locked { .. })));
+        drop(first);
+        assert!(BankWriter::<Report>::open(dir.path()).is_ok());
+    }
+
+    #[test]
+    fn leftovers_of_an_interrupted_run_go_and_other_files_stay() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["image-0007.txf", "category-000-0001.txf", "notes.txt", "photo.txf"] {
+            fs::write(dir.path().join(name), b"x").unwrap();
+        }
+        drop(BankWriter::<Report>::open(dir.path()).unwrap());
+        let there = |name: &str| dir.path().join(name).exists();
+        assert!(!there("image-0007.txf") && !there("category-000-0001.txf"));
+        assert!(there("notes.txt") && there("photo.txf"));
+    }
+}

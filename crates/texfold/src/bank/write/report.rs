@@ -1,0 +1,124 @@
+//! What is known of an image of a bank: its row in the list.
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+use texfold_core::image::ImageSet;
+use texfold_core::metric::{Quality, quality};
+use texfold_core::{Access, Encoded, Image2d, TextureCodec};
+
+use super::super::Image;
+
+/// What is known of an image of a bank. Fields that other programs wrote are kept as they are.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Report {
+    /// Name of the codec of its tiles.
+    pub codec: String,
+    /// How texels are reached: "block" or "texel".
+    pub access: String,
+    /// Texels.
+    pub source_texels: u64,
+    /// Bits of the compressed form in memory, a texel.
+    pub bpp_memory: f64,
+    /// Bits of GPU memory where blocks are decoded whole, a texel.
+    pub bpp_resident: f64,
+    /// Bits of the files, a texel.
+    pub bpp_disk: f64,
+    /// Bits of the compressed form in memory.
+    pub bits_memory: u64,
+    /// Bits of GPU memory where blocks are decoded whole.
+    pub bits_resident: u64,
+    /// Bits of the files.
+    pub bits_disk: u64,
+    /// PSNR of colours, in dB.
+    pub psnr: f64,
+    /// RMS error of colours, in 8-bit units.
+    pub rms: f64,
+    /// RMS error of the worst 4x4 block, in 8-bit units.
+    pub worst_block_rms: f64,
+    /// Whether the image meets its goal, where that is of the image and not of its tiles.
+    pub goal_met: Option<bool>,
+    /// Most channels of its tiles.
+    #[serde(skip)]
+    pub channels: u8,
+    /// Mip levels of its tiles.
+    #[serde(skip)]
+    pub levels: u32,
+    /// What else is known.
+    #[serde(flatten)]
+    pub other: Map<String, Value>,
+}
+
+impl Report {
+    /// Whether an image is stored by block.
+    #[must_use]
+    pub fn is_by_block(image: &Image<Report>) -> bool {
+        image.row.access == Access::Block.name()
+    }
+}
+
+/// What the tiles of an image come to together.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Sums {
+    quality: Quality,
+    texels: u64,
+    memory: u64,
+    resident: u64,
+    disk: u64,
+    channels: u8,
+    levels: u32,
+}
+
+impl Sums {
+    /// Takes a tile by block in.
+    pub fn add(&mut self, source: &ImageSet, texture: &dyn Encoded<Domain = Image2d>) {
+        let (memory, layout) = (texture.memory(), texture.layout());
+        *self = self.and(Sums {
+            quality: quality(source, texture),
+            texels: source.texel_count(),
+            memory: memory.compressed,
+            resident: memory.resident,
+            disk: texture.footprint().parts.iter().map(|part| part.bits_disk).sum(),
+            channels: layout.pixel.channels,
+            levels: layout.levels,
+        });
+    }
+
+    /// Both together.
+    #[must_use]
+    pub fn and(self, other: Sums) -> Sums {
+        Sums {
+            quality: self.quality.and(other.quality),
+            texels: self.texels + other.texels,
+            memory: self.memory + other.memory,
+            resident: self.resident + other.resident,
+            disk: self.disk + other.disk,
+            channels: self.channels.max(other.channels),
+            levels: self.levels.max(other.levels),
+        }
+    }
+
+    /// The row of an image by block.
+    #[must_use]
+    pub fn report(&self, goal_met: bool) -> Report {
+        let a_texel = |bits: u64| bits as f64 / self.texels.max(1) as f64;
+        Report {
+            codec: texfold_dct::Dct::ID.name.to_owned(),
+            access: Access::Block.name().to_owned(),
+            source_texels: self.texels,
+            bpp_memory: a_texel(self.memory),
+            bpp_resident: a_texel(self.resident),
+            bpp_disk: a_texel(self.disk),
+            bits_memory: self.memory,
+            bits_resident: self.resident,
+            bits_disk: self.disk,
+            psnr: self.quality.color.psnr(),
+            rms: self.quality.color.rms(),
+            worst_block_rms: self.quality.worst_block_rms,
+            goal_met: Some(goal_met),
+            channels: self.channels,
+            levels: self.levels,
+            other: Map::new(),
+        }
+    }
+}

@@ -33,6 +33,7 @@ pub(crate) fn check() -> io::Result<bool> {
         "--disable-pip-version-check",
         "pytest",
         "dask",
+        "distributed",
         "xarray",
         "./crates/python[zarr,gpu]",
     ]);

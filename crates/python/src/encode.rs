@@ -13,7 +13,7 @@ use pyo3::types::PyBytes;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use texfold::core::image::MapKind;
 use texfold::core::{EncodeError, NameError, SourceError, Stage};
-use texfold::{Cancel, Choice, ColorSpace, Encode, Goal, ImageSet, Job, Limits, Raster};
+use texfold::{Cancel, Choice, ColorSpace, Encode, EncodeSettings, Goal, ImageSet, Job, Limits, Raster};
 
 use crate::error::encode_error;
 
@@ -63,36 +63,39 @@ impl Pixels<'_> {
 }
 
 /// The value of that name.
-fn named<T: FromStr<Err = NameError>>(name: &str) -> PyResult<T> {
+pub(crate) fn named<T: FromStr<Err = NameError>>(name: &str) -> PyResult<T> {
     name.parse().map_err(|error: NameError| PyValueError::new_err(error.to_string()))
+}
+
+/// An image; `alpha` is `straight`, or `band` for a channel beside gray or RGB that counts as colours do.
+pub(crate) fn raster_of(image: &Pixels<'_>, color: ColorSpace, alpha: &str) -> PyResult<Raster> {
+    let made = if is_band(alpha)? { image.with_band(color) } else { image.raster(color) };
+    made.map_err(|error| encode_error(&EncodeError::from(error)))
+}
+
+fn is_band(alpha: &str) -> PyResult<bool> {
+    match alpha {
+        "straight" => Ok(false),
+        "band" => Ok(true),
+        _ => Err(PyValueError::new_err(format!("alpha '{alpha}'; give one of straight, band"))),
+    }
 }
 
 /// The images to encode: those of a set, or the maps of a material, where `names` has one for each.
 fn set_of(images: &[Pixels<'_>], names: &[String], color: &str, alpha: &str) -> PyResult<ImageSet> {
     let source = |error: SourceError| encode_error(&EncodeError::from(error));
-    let is_band = match alpha {
-        "straight" => false,
-        "band" => true,
-        _ => return Err(PyValueError::new_err(format!("alpha '{alpha}'; give one of straight, band"))),
-    };
-    let raster =
-        |image: &Pixels<'_>, color| if is_band { image.with_band(color) } else { image.raster(color) };
     if names.is_empty() {
         let color = named(color)?;
-        let rasters = images.iter().map(|image| raster(image, color)).collect::<Result<Vec<_>, _>>();
-        return rasters.and_then(ImageSet::new).map_err(source);
+        let rasters =
+            images.iter().map(|image| raster_of(image, color, alpha)).collect::<PyResult<Vec<_>>>()?;
+        return ImageSet::new(rasters).map_err(source);
     }
     let map = |(image, name): (&Pixels<'_>, &String)| {
         let kind = MapKind::named(name).unwrap_or(MapKind::Other);
-        Ok((kind, name.clone(), raster(image, kind.color_space())?))
+        Ok((kind, name.clone(), raster_of(image, kind.color_space(), alpha)?))
     };
-    images
-        .iter()
-        .zip(names)
-        .map(map)
-        .collect::<Result<Vec<_>, _>>()
-        .and_then(ImageSet::of_maps)
-        .map_err(source)
+    let maps = images.iter().zip(names).map(map).collect::<PyResult<Vec<_>>>()?;
+    ImageSet::of_maps(maps).map_err(source)
 }
 
 /// Options of `texfold.encode`.
@@ -106,12 +109,28 @@ pub(crate) struct Options {
     access: Option<String>,
     metric: Option<String>,
     mips: bool,
-    color: String,
-    alpha: String,
+    pub(crate) color: String,
+    pub(crate) alpha: String,
     threads: Option<usize>,
 }
 
 impl Options {
+    /// Settings of an encoder of a codec that is known; it has one access.
+    pub(crate) fn settings(&self) -> PyResult<EncodeSettings> {
+        let goal = Goal::named(&self.goal, self.value);
+        let goal = goal.map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let mut settings = EncodeSettings {
+            goal,
+            effort: named(&self.effort)?,
+            mips: self.mips,
+            ..EncodeSettings::default()
+        };
+        if let Some(metric) = &self.metric {
+            settings.metric = Some(named(metric)?);
+        }
+        Ok(settings)
+    }
+
     /// The encoder of images with these options.
     fn encoder<'s>(&self, set: &'s ImageSet) -> PyResult<Encode<'s>> {
         let Options { codec, effort, .. } = self;

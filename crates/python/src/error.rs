@@ -6,6 +6,7 @@ use pyo3::PyErr;
 
 mod exceptions {
     #![allow(missing_docs, reason = "types that the macro makes of those in texfold/_errors.py")]
+    pyo3::import_exception!(texfold._errors, BankError);
     pyo3::import_exception!(texfold._errors, EncodeError);
     pyo3::import_exception!(texfold._errors, LoadError);
     pyo3::import_exception!(texfold._errors, RegionError);
@@ -34,6 +35,11 @@ pub(crate) fn encode_error(error: &dyn Error) -> PyErr {
 /// A `LoadError`.
 pub(crate) fn load_error(error: &dyn Error) -> PyErr {
     exceptions::LoadError::new_err(message(error))
+}
+
+/// A `BankError`.
+pub(crate) fn write_error(error: &dyn Error) -> PyErr {
+    exceptions::BankError::new_err(message(error))
 }
 
 /// A `RegionError`.

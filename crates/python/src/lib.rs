@@ -6,6 +6,7 @@ mod encode;
 mod error;
 mod gpu;
 mod texture;
+mod writer;
 
 /// Encoding, textures and banks.
 #[pyo3::pymodule]
@@ -18,4 +19,8 @@ mod _texfold {
     use super::gpu::Blocks;
     #[pymodule_export]
     use super::texture::{Texture, open, psnr, ssim};
+    #[pymodule_export]
+    use super::writer::{
+        BankWriter, TileSums, tile_bytes, tile_cuts, tile_errors, tile_name, tile_seen, tile_step,
+    };
 }

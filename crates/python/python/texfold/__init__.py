@@ -25,10 +25,10 @@ from typing import Any, NamedTuple, Union
 import numpy as np
 
 from . import _texfold
-from ._errors import EncodeError, LoadError, RegionError, TexfoldError
+from ._errors import BankError, EncodeError, LoadError, RegionError, TexfoldError
 
 __all__ = [
-    "Bank", "EncodeError", "LoadError", "Part", "RegionError", "TexfoldError", "Texture",
+    "Bank", "BankError", "BankWriter", "EncodeError", "LoadError", "Part", "RegionError", "TexfoldError", "Texture",
     "decode", "encode", "open", "psnr", "ssim",
 ]  # fmt: skip
 
@@ -50,6 +50,14 @@ def _pixels(array: Any, name: str = "image") -> np.ndarray:
     if not 1 <= array.shape[2] <= 4:
         raise ValueError(f"{name} has {array.shape[2]} channels; give 1 to 4, the last axis being channels")
     return np.ascontiguousarray(array, array.dtype.newbyteorder("="))
+
+
+def _goal(**goals: float | None) -> tuple[str, float]:
+    """Name and value of the one goal that is given."""
+    given = [(name, float(value)) for name, value in goals.items() if value is not None]
+    if len(given) > 1:
+        raise ValueError(f"{' and '.join(name for name, _ in given)}; give one goal")
+    return given[0] if given else ("psnr", 34.0)
 
 
 def encode(
@@ -105,11 +113,7 @@ def encode(
     TypeError, ValueError
         Arrays of another type or shape; options that do not exist.
     """
-    goals = {"psnr": psnr, "bpp": bpp, "tolerance": tolerance}
-    given = [(name, value) for name, value in goals.items() if value is not None]
-    if len(given) > 1:
-        raise ValueError(f"{' and '.join(name for name, _ in given)}; give one goal")
-    goal, value = given[0] if given else ("psnr", 34.0)
+    goal, value = _goal(psnr=psnr, bpp=bpp, tolerance=tolerance)
     if threads is not None and threads < 1:
         raise ValueError(f"{threads} threads; give at least 1")
     if isinstance(images, Mapping):
@@ -121,7 +125,7 @@ def encode(
         names = []
     if not arrays:
         raise ValueError("no images; give at least one")
-    options = {"codec": codec, "goal": goal, "value": float(value), "effort": effort, "access": access, "metric": metric}
+    options = {"codec": codec, "goal": goal, "value": value, "effort": effort, "access": access, "metric": metric}
     options |= {"mips": bool(mips), "color": color, "alpha": alpha, "threads": threads}
     return _texfold.encode(arrays, names, options, progress)
 
@@ -402,3 +406,6 @@ def _number(value: int, name: str) -> int:
     if not 0 <= value < 2**32:
         raise RegionError(f"{name} {value}; give a number from 0 on")
     return value
+
+
+from .writing import BankWriter  # noqa: E402

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use texfold_core::image::ImageSet;
-use texfold_core::metric::{Quality, quality};
+use texfold_core::metric::{Quality, SquaredError, quality};
 use texfold_core::{Access, Encoded, Image2d, TextureCodec};
 
 use super::super::Image;
@@ -57,10 +57,12 @@ impl Report {
     }
 }
 
-/// What the tiles of an image come to together.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+/// What tiles of an image come to together. Processes that encode some of them each hand theirs over, and these add up.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Sums {
-    quality: Quality,
+    /// Sum of the squared errors of colours in 8-bit units, values that went in.
+    color: (f64, u64),
+    worst_block_rms: f64,
     texels: u64,
     memory: u64,
     resident: u64,
@@ -73,8 +75,10 @@ impl Sums {
     /// Takes a tile by block in.
     pub fn add(&mut self, source: &ImageSet, texture: &dyn Encoded<Domain = Image2d>) {
         let (memory, layout) = (texture.memory(), texture.layout());
+        let Quality { color, worst_block_rms, .. } = quality(source, texture);
         *self = self.and(Sums {
-            quality: quality(source, texture),
+            color: (color.sum, color.count),
+            worst_block_rms,
             texels: source.texel_count(),
             memory: memory.compressed,
             resident: memory.resident,
@@ -84,11 +88,24 @@ impl Sums {
         });
     }
 
+    /// Text for another process, which [`Sums::parse`] reads.
+    #[must_use]
+    pub fn to_text(&self) -> String {
+        serde_json::to_string(self).unwrap_or_default()
+    }
+
+    /// The sums of such a text.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Sums> {
+        serde_json::from_str(text).ok()
+    }
+
     /// Both together.
     #[must_use]
     pub fn and(self, other: Sums) -> Sums {
         Sums {
-            quality: self.quality.and(other.quality),
+            color: (self.color.0 + other.color.0, self.color.1 + other.color.1),
+            worst_block_rms: self.worst_block_rms.max(other.worst_block_rms),
             texels: self.texels + other.texels,
             memory: self.memory + other.memory,
             resident: self.resident + other.resident,
@@ -102,6 +119,7 @@ impl Sums {
     #[must_use]
     pub fn report(&self, goal_met: bool) -> Report {
         let a_texel = |bits: u64| bits as f64 / self.texels.max(1) as f64;
+        let color = SquaredError { sum: self.color.0, count: self.color.1 };
         Report {
             codec: texfold_dct::Dct::ID.name.to_owned(),
             access: Access::Block.name().to_owned(),
@@ -112,9 +130,9 @@ impl Sums {
             bits_memory: self.memory,
             bits_resident: self.resident,
             bits_disk: self.disk,
-            psnr: self.quality.color.psnr(),
-            rms: self.quality.color.rms(),
-            worst_block_rms: self.quality.worst_block_rms,
+            psnr: color.psnr(),
+            rms: color.rms(),
+            worst_block_rms: self.worst_block_rms,
             goal_met: Some(goal_met),
             channels: self.channels,
             levels: self.levels,

@@ -1,0 +1,188 @@
+"""Banks that images are added to, by this process or by the workers of a Dask cluster.
+
+    >>> import numpy, tempfile, texfold
+    >>> land = numpy.tile(numpy.arange(200, dtype=numpy.uint8), (1300, 1))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with texfold.BankWriter(folder) as bank:
+    ...         bank.add("land", land, psnr=40)
+    ...     texfold.Bank(folder).shape("land")
+    True
+    (1300, 200)
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+import secrets
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from . import _goal, _pixels, _texfold
+
+#: Calls a function with each of several tuples of arguments, and gives what it returned, in their order.
+Run = Callable[[Callable[..., Any], Sequence[tuple]], list]
+
+
+class BankWriter:
+    """A bank in a folder that images are added to, by block; it is begun where there is none. One process at a time has it: use it in
+    a ``with`` statement, or close it. An image is there whole or not at all, however the process ends.
+
+    Raises
+    ------
+    BankError
+        Another process adds images; a folder that cannot be written.
+    LoadError
+        A damaged bank.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
+        self._folder = os.fspath(folder)
+        self._writer = _texfold.BankWriter(folder)
+
+    def __enter__(self) -> BankWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Lets others add images."""
+        self._writer.close()
+
+    def add(
+        self,
+        name: str,
+        image: Any,
+        *,
+        psnr: float | None = None,
+        bpp: float | None = None,
+        tolerance: float | None = None,
+        effort: str = "normal",
+        metric: str | None = None,
+        mips: bool = True,
+        color: str = "srgb",
+        alpha: str = "straight",
+        category: str | None = None,
+        georeference: bytes = b"",
+        key: str | None = None,
+        replace: bool = False,
+    ) -> bool:
+        """Adds an image, in tiles of 1024 texels a side that share the step with which the image as a whole meets its goal. Its files are
+        those of ``texfold bank add --codec dct``.
+
+        Parameters
+        ----------
+        name
+            Its name, unlike those of others; that of a file without folder and extension.
+        image
+            A numpy array of rows, columns and, unless it is gray, channels; ``uint8`` or ``uint16``. Or a Dask array: workers read and
+            encode its tiles, each some 20 MB at a time, and write them to the folder, which they must reach. Then the array is read
+            twice and once for each step that is tried, some five times; what computes it must give the same each time.
+        psnr, bpp, tolerance, effort, metric, mips, color, alpha
+            As of :func:`texfold.encode`.
+        category
+            Category that all of its tiles join; by their colours without one.
+        georeference
+            A TIFF file of one texel with GeoTIFF tags, as :meth:`Bank.georeference` gives it.
+        key
+            Text that says what the image and the settings are; the same name and key again is no work. By default a hash of the values
+            and settings, of a Dask array of its name.
+        replace
+            Whether it takes the place of an image of its name with another key.
+
+        Returns
+        -------
+        bool
+            False where it was there already.
+
+        Raises
+        ------
+        BankError
+            An image of that name is there; a name that is none; a folder that cannot be written.
+        EncodeError
+            Images or settings that the codec does not take.
+        """
+        goal, value = _goal(psnr=psnr, bpp=bpp, tolerance=tolerance)
+        options = {"codec": "dct", "goal": goal, "value": value, "effort": effort, "access": None, "metric": metric}
+        options |= {"mips": bool(mips), "color": color, "alpha": alpha, "threads": None}
+        tiles, run = _tiles(image)
+        if key is None:
+            key = _key(image, options, category, georeference)
+        new = (name, key, category, base64.b64encode(georeference).decode(), bool(replace))
+        if not self._writer.is_new(new):
+            return False
+        arrays = [array for _, array in tiles]
+        seen = run(_seen, [(array, color, alpha) for array in arrays])
+        peak = max(peak for _, peak in seen)
+        first, categories = self._writer.categories(new, [colours for colours, _ in seen])
+        errors = lambda step: run(_errors, [(array, options, peak, step) for array in arrays])  # noqa: E731
+        found = _texfold.tile_step(options, np.dtype(image.dtype).itemsize > 1, errors)
+        names = [_texfold.tile_name(number) for number in range(first, first + len(tiles))]
+        paths = [os.path.join(self._folder, name) for name in names]
+        sums = run(_write, [(array, options, peak, found, path) for array, path in zip(arrays, paths)])
+        places = [(*place, category) for (place, _), category in zip(tiles, categories)]
+        rows, columns = image.shape[:2]
+        self._writer.list(new, (columns, rows), first, list(zip(places, sums)), found[1])
+        return True
+
+
+def _tiles(image: Any) -> tuple[list[tuple[tuple[int, int, int, int], Any]], Run]:
+    """Places and arrays of the tiles of an image, and what runs functions of them."""
+    is_dask = type(image).__module__.partition(".")[0] == "dask"
+    # Of a Dask array type and shape alone.
+    _pixels(np.empty((0, 0) + image.shape[2:], image.dtype) if is_dask else image)
+    if min(image.shape) < 1:
+        raise ValueError(f"an image of shape {image.shape}; give at least one texel")
+    if is_dask and not all(isinstance(side, int) for side in image.shape):
+        raise ValueError("an array of unknown shape; compute its chunk sizes")
+    rows, columns = (_texfold.tile_cuts(length) for length in image.shape[:2])
+    places = [(x, y, width, height) for y, height in rows for x, width in columns]
+    if not is_dask:
+        cut = lambda x, y, width, height: image[y : y + height, x : x + width]  # noqa: E731
+        return [(place, cut(*place)) for place in places], lambda work, calls: [work(*call) for call in calls]
+    from dask import compute, delayed
+
+    chunks = (tuple(count for _, count in rows), tuple(count for _, count in columns), *((side,) for side in image.shape[2:]))
+    blocks = image.rechunk(chunks).to_delayed().ravel()
+    return list(zip(places, blocks)), lambda work, calls: list(compute(*(delayed(work)(*call) for call in calls)))
+
+
+def _key(image: Any, options: dict, category: str | None, georeference: bytes) -> str:
+    hasher = hashlib.blake2b(repr((sorted(options.items(), key=str), category, georeference)).encode(), digest_size=32)
+    if isinstance(image, np.ndarray):
+        hasher.update(repr((image.shape, image.dtype.str)).encode())
+        for row in image:
+            hasher.update(np.ascontiguousarray(row))
+    else:
+        hasher.update(str(image.name).encode())
+    return hasher.hexdigest()
+
+
+def _seen(tile: np.ndarray, color: str, alpha: str) -> tuple[list[float], float]:
+    return _texfold.tile_seen(_pixels(tile), color, alpha)
+
+
+def _errors(tile: np.ndarray, options: dict, peak: float, step: int) -> tuple:
+    return _texfold.tile_errors(_pixels(tile), options, peak, step)
+
+
+def _write(tile: np.ndarray, options: dict, peak: float, found: tuple[int, bool], path: str) -> _texfold.TileSums:
+    data, sums = _texfold.tile_bytes(_pixels(tile), options, peak, found)
+    # Whole or not at all; a worker that is killed leaves a file of another name.
+    folder, name = os.path.split(path)
+    part = os.path.join(folder, f".texfold-tmp-{os.getpid()}-{secrets.token_hex(8)}-{name}")
+    try:
+        with open(part, "xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, path)
+    except BaseException:
+        if os.path.exists(part):
+            os.unlink(part)
+        raise
+    return sums

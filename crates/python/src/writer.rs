@@ -1,0 +1,215 @@
+//! Banks that images are added to, in the steps that several processes can share: `texfold/_writing.py` puts them together.
+
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use texfold::bank::{
+    BankWriter as Writer, NewImage, Seen, StepErrors, Sums, WriteError, block_source, block_tile,
+    block_tile_entry, step_errors, tile_file,
+};
+use texfold::core::metric::SquaredError;
+use texfold::core::{EncodeError, ImageSize};
+use texfold::dct::{Dct, DctParams};
+use texfold::{Depth, EncodeSettings, ImageSet};
+
+use crate::encode::{Options, Pixels, named, raster_of};
+use crate::error::{encode_error, load_error, write_error};
+
+/// A bank that images are added to; it is locked until it is closed.
+#[pyclass(frozen, module = "texfold._texfold")]
+pub(crate) struct BankWriter(Mutex<Option<Writer>>);
+
+/// Name, key, category, georeference in base64, and whether one of its name is replaced.
+type New = (String, String, Option<String>, String, bool);
+
+/// First column and row, columns, rows and category of a tile.
+type Place = (u32, u32, u32, u32, usize);
+
+fn new_image((name, key, category, georeference, replaces): &New) -> NewImage<'_> {
+    NewImage { name, key, category: category.as_deref(), georeference, replaces: *replaces }
+}
+
+impl BankWriter {
+    fn with<T>(&self, work: impl FnOnce(&mut Writer) -> Result<T, WriteError>) -> PyResult<T> {
+        let mut held: MutexGuard<'_, Option<Writer>> = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let writer =
+            held.as_mut().ok_or_else(|| PyValueError::new_err("the bank is closed; open it again"))?;
+        work(writer).map_err(|error| raised(&error))
+    }
+}
+
+fn raised(error: &WriteError) -> PyErr {
+    match error {
+        WriteError::Bank(error) => load_error(error),
+        WriteError::Encode(error) => encode_error(error),
+        error => write_error(error),
+    }
+}
+
+#[pymethods]
+impl BankWriter {
+    #[new]
+    fn open(py: Python<'_>, folder: PathBuf) -> PyResult<BankWriter> {
+        let writer = py.detach(|| Writer::open(&folder)).map_err(|error| raised(&error))?;
+        Ok(BankWriter(Mutex::new(Some(writer))))
+    }
+
+    /// Gives the lock back.
+    fn close(&self) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+    }
+
+    /// Whether an image is not there yet.
+    fn is_new(&self, image: New) -> PyResult<bool> {
+        self.with(|writer| writer.is_new(&new_image(&image)))
+    }
+
+    /// The number of an image's first file, and the categories that its tiles of such colours join.
+    fn categories(&self, image: New, colours: Vec<Vec<f32>>) -> PyResult<(u32, Vec<usize>)> {
+        let seen = Seen { colours, ..Seen::default() };
+        self.with(|writer| {
+            Ok((writer.bank().manifest().next, writer.categories_for(&new_image(&image), &seen)?))
+        })
+    }
+
+    /// Lists an image of that width and height whose tiles are written under the names of [`tile_name`] from `first` on.
+    fn list(
+        &self,
+        image: New,
+        size: (u32, u32),
+        first: u32,
+        tiles: Vec<(Place, TileSums)>,
+        met: bool,
+    ) -> PyResult<()> {
+        let sums = tiles.iter().fold(Sums::default(), |all, (_, sums)| all.and(sums.0));
+        let end = first + 2 * tiles.len() as u32;
+        let tile = |(number, ((x, y, width, height, category), _)): (u32, &(Place, TileSums))| {
+            block_tile_entry(
+                tile_file(number),
+                (*x, *y),
+                ImageSize { width: *width, height: *height },
+                *category,
+            )
+        };
+        let tiles = (first..).zip(&tiles).map(tile).collect();
+        let size = ImageSize { width: size.0, height: size.1 };
+        self.with(|writer| writer.list_blocks(&new_image(&image), (size, tiles), &sums.report(met), end))
+    }
+}
+
+/// What an encoded tile comes to. It can be pickled, as it travels between processes.
+#[pyclass(frozen, from_py_object, module = "texfold._texfold")]
+#[derive(Clone)]
+pub(crate) struct TileSums(Sums);
+
+#[pymethods]
+impl TileSums {
+    #[new]
+    fn parsed(text: &str) -> PyResult<TileSums> {
+        let sums = Sums::parse(text).ok_or_else(|| PyValueError::new_err("no sums of a tile"))?;
+        Ok(TileSums(sums))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyAny>, (String,)) {
+        (py.get_type::<TileSums>().into_any(), (self.0.to_text(),))
+    }
+}
+
+/// First and number of the columns of the tiles that cover so many, or of rows.
+#[pyfunction]
+pub(crate) fn tile_cuts(length: u32) -> Vec<(u32, u32)> {
+    texfold::bank::cuts(length).collect()
+}
+
+/// Name of the file of a tile by its number.
+#[pyfunction]
+pub(crate) fn tile_name(number: u32) -> String {
+    tile_file(number)
+}
+
+/// Shares of colours of a tile, and its own peak.
+#[pyfunction]
+pub(crate) fn tile_seen(
+    py: Python<'_>,
+    tile: Pixels<'_>,
+    color: &str,
+    alpha: &str,
+) -> PyResult<(Vec<f32>, f32)> {
+    let raster = raster_of(&tile, named(color)?, alpha)?;
+    let seen = py.detach(|| {
+        let mut seen = Seen::default();
+        seen.add(&raster);
+        seen
+    });
+    Ok((seen.colours.into_iter().next().unwrap_or_default(), seen.peak))
+}
+
+/// A tile as it is encoded, and the parameters.
+fn source(tile: &Pixels<'_>, options: &Options, peak: f32) -> PyResult<(ImageSet, DctParams)> {
+    let raster = raster_of(tile, named(&options.color)?, &options.alpha)?;
+    Ok((block_source(raster, peak), params(options)?))
+}
+
+fn params(options: &Options) -> PyResult<DctParams> {
+    let settings: EncodeSettings = options.settings()?;
+    Ok(settings.params::<Dct>())
+}
+
+/// Bits, texels, sum of squared errors, values in it, and the RMS error of the worst block: of a tile at a step.
+type Errors = (u64, u64, f64, u64, f64);
+
+/// The errors of a tile at a step.
+#[pyfunction]
+pub(crate) fn tile_errors(
+    py: Python<'_>,
+    tile: Pixels<'_>,
+    options: Options,
+    peak: f32,
+    step: u16,
+) -> PyResult<Errors> {
+    let (set, params) = source(&tile, &options, peak)?;
+    let found = py.detach(|| step_errors(&set, &params, step)).map_err(|error| encode_error(&error))?;
+    Ok((found.bits, found.texels, found.color.sum, found.color.count, found.worst_block_rms))
+}
+
+/// The step at which tiles with such errors together just meet the goal, and whether they do. `errors` gives those of all tiles at a step.
+#[pyfunction]
+pub(crate) fn tile_step(options: Options, is_deep: bool, errors: &Bound<'_, PyAny>) -> PyResult<(u16, bool)> {
+    let depth = if is_deep { Depth::Sixteen } else { Depth::Eight };
+    let goal = params(&options)?.goal;
+    let found = Dct::search_step(goal, depth, |step| {
+        let all: Vec<Errors> = errors.call1((step,))?.extract()?;
+        let all = all.into_iter().map(|(bits, texels, sum, count, worst_block_rms)| StepErrors {
+            bits,
+            texels,
+            color: SquaredError { sum, count },
+            worst_block_rms,
+        });
+        Ok::<_, PyErr>((step, all.fold(StepErrors::default(), StepErrors::and).measured()))
+    })?;
+    let found = found.ok_or_else(|| PyValueError::new_err("an image without tiles"))?;
+    Ok((found.value, found.met))
+}
+
+/// The file of a tile at the step of its image, and what it comes to.
+#[pyfunction]
+pub(crate) fn tile_bytes<'py>(
+    py: Python<'py>,
+    tile: Pixels<'_>,
+    options: Options,
+    peak: f32,
+    found: (u16, bool),
+) -> PyResult<(Bound<'py, PyBytes>, TileSums)> {
+    let (set, params) = source(&tile, &options, peak)?;
+    let made = py.detach(|| {
+        let images = block_tile(&set, &params, found.0, found.1)?;
+        let mut sums = Sums::default();
+        sums.add(&set, &images);
+        Ok::<_, EncodeError>((texfold::file_of(&images), sums))
+    });
+    let (bytes, sums) = made.map_err(|error| encode_error(&error))?;
+    Ok((PyBytes::new(py, &bytes), TileSums(sums)))
+}

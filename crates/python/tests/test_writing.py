@@ -1,0 +1,131 @@
+"""Banks that images are added to: by one process, and by the workers of a cluster, of which some are killed."""
+
+import json
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+import texfold
+
+da = pytest.importorskip("dask.array")
+
+
+def land(rows, columns, channels=3, dtype=np.uint8):
+    """Waves of a few scales, with noise that depends on the place alone."""
+    y, x = np.mgrid[:rows, :columns].astype(np.uint32)
+    noise = ((x * 2654435761) ^ (y * 2246822519)) >> 27
+    waves = 100 + 60 * np.sin(x / 37.0) * np.cos(y / 23.0)
+    planes = [waves + noise + 9 * channel for channel in range(channels)]
+    return (np.stack(planes, axis=2) * (257 if dtype == np.uint16 else 1)).astype(dtype)
+
+
+def files(folder):
+    """Files of a bank by name, but the lock."""
+    return {name: (folder / name).read_bytes() for name in sorted(os.listdir(folder)) if name != "bank.lock"}
+
+
+def add(folder, name, image, **options):
+    with texfold.BankWriter(folder) as bank:
+        return bank.add(name, image, **{"effort": "fast", "key": "1", **options})
+
+
+@pytest.mark.parametrize("channels, dtype", [(1, np.uint8), (3, np.uint8), (4, np.uint8), (3, np.uint16)])
+def test_what_is_added_is_read_and_meets_the_goal(tmp_path, channels, dtype):
+    image = land(1300, 300, channels, dtype)
+    assert add(tmp_path, "land", image[:, :, 0] if channels == 1 else image)
+    bank = texfold.Bank(tmp_path)
+    found = bank.read("land").reshape(image.shape)
+    assert found.dtype == dtype and bank.levels("land") > 1
+    assert 33.9 < texfold.psnr(image, found) < 34.6
+    row = json.loads((tmp_path / "bank.json").read_bytes())["images"][0]["row"]
+    assert row["goal_met"] and abs(row["psnr"] - texfold.psnr(image, found)) < 0.05
+
+
+def test_a_cluster_writes_what_one_process_writes(tmp_path):
+    image = land(2400, 1400)
+    for folder, array in [("one", image), ("threads", da.from_array(image, chunks=(700, 333, 3)))]:
+        assert add(tmp_path / folder, "land", array, bpp=0.5)
+    assert len(files(tmp_path / "one")) == 7, "3x2 tiles and the list"
+    assert files(tmp_path / "one") == files(tmp_path / "threads")
+
+
+@pytest.mark.filterwarnings("ignore:Sending large graph")
+def test_tiles_of_killed_workers_run_again(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    image = land(2400, 1400)
+    assert add(tmp_path / "one", "land", image)
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
+        client.run(lambda: None)
+        killed = []
+
+        def kill():
+            """Ends a worker while it has tiles, three times."""
+            while len(killed) < 3 and not done:
+                time.sleep(0.4)
+                busy = [worker for worker, calls in client.processing().items() if calls]
+                process = client.run(os.getpid, workers=busy[:1]) if busy else {}
+                for pid in process.values():
+                    os.kill(pid, signal.SIGKILL)
+                    killed.append(pid)
+
+        done = []
+        thread = threading.Thread(target=kill)
+        thread.start()
+        try:
+            assert add(tmp_path / "cluster", "land", da.from_array(image, chunks=(1000, 1000, 3)))
+        finally:
+            done.append(True)
+            thread.join()
+    assert killed, "no worker was killed"
+    assert files(tmp_path / "one") == files(tmp_path / "cluster")
+
+
+def test_the_same_again_is_no_work_and_another_is_refused_or_replaces_it(tmp_path):
+    image = land(300, 200)
+    assert add(tmp_path, "land", image, key=None)
+    before = files(tmp_path)
+    assert not add(tmp_path, "land", image, key=None)
+    with pytest.raises(texfold.BankError, match="already"):
+        add(tmp_path, "land", image[::-1], key=None)
+    with pytest.raises(texfold.BankError, match="cannot be the name"):
+        add(tmp_path, "../land", image)
+    assert files(tmp_path) == before
+    assert add(tmp_path, "land", image[::-1], key=None, replace=True)
+    assert texfold.psnr(texfold.Bank(tmp_path).read(), image[::-1]) > 33
+    assert add(tmp_path, "again", image, category="named")
+    assert texfold.Bank(tmp_path).names == ["land", "again"]
+
+
+def test_bad_images_are_named_and_leave_the_bank_as_it_was(tmp_path):
+    add(tmp_path, "land", land(64, 64))
+    before = files(tmp_path)
+    for image, error in [
+        (land(64, 64).astype(float), TypeError),
+        (np.zeros((64, 64, 5), np.uint8), ValueError),
+        (np.zeros((0, 64), np.uint8), ValueError),
+        (da.zeros((64, 64, 3), dtype=np.float32), TypeError),
+    ]:
+        with pytest.raises(error):
+            add(tmp_path, "bad", image)
+
+    def fail(block):
+        raise OSError("the store failed")
+
+    broken = da.map_blocks(fail, da.zeros((64, 64, 3), dtype=np.uint8), dtype=np.uint8, meta=np.zeros((0, 0, 0), np.uint8))
+    with pytest.raises(OSError, match="the store failed"):
+        add(tmp_path, "bad", broken)
+    with texfold.BankWriter(tmp_path) as bank:
+        with pytest.raises(texfold.BankError, match="another process"):
+            texfold.BankWriter(tmp_path)
+        with pytest.raises(ValueError, match="give one goal"):
+            bank.add("bad", land(64, 64), psnr=30, bpp=1)
+    with pytest.raises(ValueError, match="closed"):
+        bank.add("bad", land(64, 64))
+    # Reversed and read-only arrays are images as others are.
+    frozen = land(64, 64)[::-1, ::-1]
+    frozen.flags.writeable = False
+    assert files(tmp_path) == before and add(tmp_path, "frozen", frozen)

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use texfold::bank::{
     BankWriter as Writer, NewImage, Seen, StepErrors, Sums, WriteError, block_source, block_tile,
-    block_tile_entry, step_errors, tile_file,
+    block_tile_entry, search_tiles, step_errors, tile_file,
 };
 use texfold::core::metric::SquaredError;
 use texfold::core::{EncodeError, ImageSize};
@@ -175,12 +175,36 @@ pub(crate) fn tile_errors(
     Ok((found.bits, found.texels, found.color.sum, found.color.count, found.worst_block_rms))
 }
 
-/// The step at which tiles with such errors together just meet the goal, and whether they do. `errors` gives those of all tiles at a step.
+/// A fault of a search, that of a callback among them.
+struct Fault(PyErr);
+
+impl From<WriteError> for Fault {
+    fn from(error: WriteError) -> Fault {
+        Fault(raised(&error))
+    }
+}
+
+impl From<PyErr> for Fault {
+    fn from(error: PyErr) -> Fault {
+        Fault(error)
+    }
+}
+
+/// The step at which tiles with such errors together just meet the goal, and whether they do. `errors` gives those of all tiles at a step,
+/// `samples` are parts of some.
 #[pyfunction]
-pub(crate) fn tile_step(options: Options, is_deep: bool, errors: &Bound<'_, PyAny>) -> PyResult<(u16, bool)> {
-    let depth = if is_deep { Depth::Sixteen } else { Depth::Eight };
-    let goal = params(&options)?.goal;
-    let found = Dct::search_step(goal, depth, |step| {
+pub(crate) fn tile_step(
+    samples: Vec<Pixels<'_>>,
+    options: Options,
+    peak: f32,
+    errors: &Bound<'_, PyAny>,
+) -> PyResult<(u16, bool)> {
+    let color = named(&options.color)?;
+    let samples: Vec<_> =
+        samples.iter().map(|sample| raster_of(sample, color, &options.alpha)).collect::<PyResult<_>>()?;
+    let depth = samples.first().map_or(Depth::default(), |sample| sample.info().depth);
+    let seen = Seen { depth, peak, samples, ..Seen::default() };
+    let found = search_tiles(&params(&options)?, &seen, |step| {
         let all: Vec<Errors> = errors.call1((step,))?.extract()?;
         let all = all.into_iter().map(|(bits, texels, sum, count, worst_block_rms)| StepErrors {
             bits,
@@ -188,10 +212,21 @@ pub(crate) fn tile_step(options: Options, is_deep: bool, errors: &Bound<'_, PyAn
             color: SquaredError { sum, count },
             worst_block_rms,
         });
-        Ok::<_, PyErr>((step, all.fold(StepErrors::default(), StepErrors::and).measured()))
-    })?;
-    let found = found.ok_or_else(|| PyValueError::new_err("an image without tiles"))?;
-    Ok((found.value, found.met))
+        Ok(all.sum())
+    });
+    found.map_err(|Fault(error)| error)
+}
+
+/// Of so many tiles one in how many is sampled.
+#[pyfunction]
+pub(crate) fn tile_stride(tiles: usize) -> usize {
+    texfold::bank::sample_stride(tiles)
+}
+
+/// The columns that stand for so many columns of a tile, or the rows.
+#[pyfunction]
+pub(crate) fn tile_sampled(length: u32) -> Vec<u32> {
+    texfold::bank::sampled(length)
 }
 
 /// The file of a tile at the step of its image, and what it comes to.

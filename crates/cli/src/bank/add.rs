@@ -121,7 +121,8 @@ impl BankTask {
     /// Where tiles join categories, and which files are the image's: one for each tile, and one for each codebook that
     /// it grows.
     fn step(&self, categories: &mut Categories, key: String, next: &mut u32, found: Found) -> Step {
-        let (first, Found { tiles: Seen { colours, depth, peak }, georeference, remarks }) = (*next, found);
+        let (first, Found { tiles: Seen { colours, depth, peak, .. }, georeference, remarks }) =
+            (*next, found);
         *next += 2 * colours.len() as u32;
         let categories = match categories.join(self.category.as_deref(), &colours) {
             Ok(joined) => joined,
@@ -155,6 +156,8 @@ impl BankTask {
             seen.add(&cut.tile);
             Ok(())
         })?;
+        // Those of all images together would take too much memory.
+        seen.samples = Vec::new();
         input::note_of_peak(&self.path, seen.peak, &mut remarks);
         let georeference = georeference::of_input(&[&self.path], 1, &mut remarks);
         Ok(Found { tiles: seen, remarks, georeference })

@@ -31,7 +31,14 @@ pub(super) fn encode(
     let params = task.settings.encode.params::<Dct>();
     let Place { dir, first, categories, peak, .. } = place;
     let source = Source { task, place, share, passes: Cell::new(0) };
-    let seen = Seen { depth, peak, ..Seen::default() };
+    let mut seen = Seen { depth, peak, ..Seen::default() };
+    if !matches!(params.goal, Goal::Tolerance(_)) {
+        let look = source.each_tile(&mut |tile| {
+            seen.add(&tile.texels);
+            Ok(())
+        });
+        look.map_err(|error| fault(&task.path, error))?;
+    }
     let (mut sums, mut next, mut of_tile) = (Sums::default(), first, categories.iter());
     let found = search_blocks(&source, &params, &seen).and_then(|found| {
         encode_blocks(&source, &params, found, &seen, |place, set, images| {

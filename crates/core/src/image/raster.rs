@@ -164,22 +164,28 @@ impl Raster {
     /// The texels of a rectangle, as far as it lies inside; at least one. `rect.image` and `rect.level` do not count.
     #[must_use]
     pub fn crop(&self, rect: Rect) -> Raster {
-        let (x, y) = (rect.x.min(self.size.width - 1), rect.y.min(self.size.height - 1));
-        let width = rect.width.clamp(1, self.size.width - x);
-        let height = rect.height.clamp(1, self.size.height - y);
-        let channels = usize::from(self.info.channels);
-        let lines = (y..y + height).map(|row| {
-            let first = self.number(x, row) * channels;
-            first..first + width as usize * channels
-        });
-        let data = match &self.data {
-            Values::Eight(values) => Values::Eight(lines.flat_map(|line| &values[line]).copied().collect()),
-            Values::Sixteen(values) => {
-                Values::Sixteen(lines.flat_map(|line| &values[line]).copied().collect())
-            }
-            Values::Float(values) => Values::Float(lines.flat_map(|line| &values[line]).copied().collect()),
+        let side = |first: u32, count: u32, all: u32| {
+            let first = first.min(all - 1);
+            (first..first + count.clamp(1, all - first)).collect::<Vec<u32>>()
         };
-        Raster { size: ImageSize { width, height }, data, ..*self }
+        self.pick(&side(rect.x, rect.width, self.size.width), &side(rect.y, rect.height, self.size.height))
+    }
+
+    /// The texels of some columns in some rows, each clamped to the image; of none the first.
+    #[must_use]
+    pub fn pick(&self, columns: &[u32], rows: &[u32]) -> Raster {
+        let or_first = |places: &[u32]| if places.is_empty() { vec![0] } else { places.to_vec() };
+        let (columns, rows) = (or_first(columns), or_first(rows));
+        let channels = usize::from(self.info.channels);
+        let places = rows.iter().flat_map(|&y| columns.iter().map(move |&x| (x, y)));
+        let texels = places.map(|(x, y)| self.number(x, y) * channels);
+        let data = match &self.data {
+            Values::Eight(values) => Values::Eight(joined(values, texels, channels)),
+            Values::Sixteen(values) => Values::Sixteen(joined(values, texels, channels)),
+            Values::Float(values) => Values::Float(joined(values, texels, channels)),
+        };
+        let size = ImageSize { width: columns.len() as u32, height: rows.len() as u32 };
+        Raster { size, data, ..*self }
     }
 
     /// The same image with exactly `channels` channels: gray is copied to RGB, missing alpha is 1, and
@@ -374,6 +380,11 @@ impl Values {
     }
 }
 
+/// The texels that begin at such places.
+fn joined<T: Copy>(values: &[T], texels: impl Iterator<Item = usize>, channels: usize) -> Vec<T> {
+    texels.flat_map(|first| &values[first..first + channels]).copied().collect()
+}
+
 /// Texels with another number of channels, 1 to 4: gray is copied to red, green and blue, and `one` is alpha where there is none.
 /// Of two channels the second is alpha.
 fn rejoined<T: Copy>(values: &[T], before: usize, after: usize, one: T) -> Vec<T> {
@@ -454,6 +465,31 @@ pub(crate) fn write_texels<V: Copy, T>(
 mod tests {
     use super::super::ImageSet;
     use super::*;
+
+    #[test]
+    fn rectangles_and_picked_lines_have_the_texels_of_their_places() {
+        let bytes: Vec<u8> = (0..7 * 5 * 4).map(|value| value as u8).collect();
+        let info = PixelInfo {
+            channels: 4,
+            color: ColorSpace::Srgb,
+            alpha: Alpha::Straight,
+            ..PixelInfo::default()
+        };
+        let of_bytes = Raster::from_u8(7, 5, 4, ColorSpace::Srgb, &bytes).unwrap();
+        let of_floats = Raster::new(7, 5, info, of_bytes.values().collect()).unwrap();
+        for image in [of_bytes.with_peak(0.5), of_floats.with_peak(0.5)] {
+            let part = image.crop(Rect { image: 0, level: 0, x: 2, y: 3, width: 4, height: 9 });
+            assert_eq!((part.size(), part.peak()), (ImageSize { width: 4, height: 2 }, 0.5));
+            assert!((0..8).all(|i| part.texel(i % 4, i / 4) == image.texel(2 + i % 4, 3 + i / 4)));
+            let picked = image.pick(&[6, 0, 99], &[4]);
+            assert!([6, 0, 6].into_iter().zip(0..).all(|(x, i)| picked.texel(i, 0) == image.texel(x, 4)));
+            assert_eq!(image.pick(&[], &[]).texel(0, 0), image.texel(0, 0));
+            assert_eq!(
+                image.crop(Rect { image: 0, level: 0, x: 99, y: 99, width: 0, height: 0 }).texel(0, 0),
+                image.texel(6, 4)
+            );
+        }
+    }
 
     #[test]
     fn opaque_alpha_is_dropped_and_real_alpha_kept() {

@@ -64,9 +64,27 @@ impl Dct {
         depth: Depth,
         at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
     ) -> Result<Option<FoundStep<T>>, E> {
-        let first = first_step(if depth == Depth::Eight { 8 } else { 16 });
-        search_step(goal, STEPS, first, at_step)
+        search_step(goal, STEPS, first_of(depth), at_step)
     }
+
+    /// As [`Dct::search_step`], where `estimate` measures bits and PSNR at a step at a fraction of the cost, of a part of the tiles for instance: mostly
+    /// `at_step` makes two. Goals of single blocks' errors are searched without estimates.
+    ///
+    /// # Errors
+    /// Whatever `estimate` or `at_step` returns, at once.
+    pub fn search_step_estimated<T, E>(
+        goal: Goal,
+        depth: Depth,
+        estimate: impl FnMut(u16) -> Result<Measured, E>,
+        at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
+    ) -> Result<Option<FoundStep<T>>, E> {
+        search_step_estimated(goal, STEPS, first_of(depth), estimate, at_step)
+    }
+}
+
+/// Where a search begins.
+fn first_of(depth: Depth) -> u16 {
+    first_step(if depth == Depth::Eight { 8 } else { 16 })
 }
 
 impl DctImages {

@@ -80,8 +80,8 @@ class BankWriter:
             Its name, unlike those of others; that of a file without folder and extension.
         image
             A numpy array of rows, columns and, unless it is gray, channels; ``uint8`` or ``uint16``. Or a Dask array: workers read and
-            encode its tiles, each some 20 MB at a time, and write them to the folder, which they must reach. Then the array is read
-            twice and once for each step that is tried, some five times; what computes it must give the same each time.
+            encode its tiles, and write them to the folder, which they must reach. The array is computed some four times; what computes it
+            must give the same each time.
         psnr, bpp, tolerance, effort, metric, mips, color, alpha
             As of :func:`texfold.encode`.
         category
@@ -116,11 +116,13 @@ class BankWriter:
         if not self._writer.is_new(new):
             return False
         arrays = [array for _, array in tiles]
-        seen = run(_seen, [(array, color, alpha) for array in arrays])
-        peak = max(peak for _, peak in seen)
-        first, categories = self._writer.categories(new, [colours for colours, _ in seen])
+        stride = _texfold.tile_stride(len(tiles))
+        seen = run(_seen, [(array, color, alpha, number % stride == 0) for number, array in enumerate(arrays)])
+        peak = max(peak for _, peak, _ in seen)
+        first, categories = self._writer.categories(new, [colours for colours, _, _ in seen])
+        samples = [sample for _, _, sample in seen if sample is not None]
         errors = lambda step: run(_errors, [(array, options, peak, step) for array in arrays])  # noqa: E731
-        found = _texfold.tile_step(options, np.dtype(image.dtype).itemsize > 1, errors)
+        found = _texfold.tile_step(samples, options, peak, errors)
         names = [_texfold.tile_name(number) for number in range(first, first + len(tiles))]
         paths = [os.path.join(self._folder, name) for name in names]
         sums = run(_write, [(array, options, peak, found, path) for array, path in zip(arrays, paths)])
@@ -162,8 +164,11 @@ def _key(image: Any, options: dict, category: str | None, georeference: bytes) -
     return hasher.hexdigest()
 
 
-def _seen(tile: np.ndarray, color: str, alpha: str) -> tuple[list[float], float]:
-    return _texfold.tile_seen(_pixels(tile), color, alpha)
+def _seen(tile: np.ndarray, color: str, alpha: str, is_sampled: bool) -> tuple[list[float], float, np.ndarray | None]:
+    pixels = _pixels(tile)
+    rows, columns = (_texfold.tile_sampled(length) for length in pixels.shape[:2])
+    sample = pixels[np.ix_(rows, columns)] if is_sampled else None
+    return *_texfold.tile_seen(pixels, color, alpha), sample
 
 
 def _errors(tile: np.ndarray, options: dict, peak: float, step: int) -> tuple:

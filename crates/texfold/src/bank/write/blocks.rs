@@ -48,6 +48,12 @@ impl StepErrors {
     }
 }
 
+impl std::iter::Sum for StepErrors {
+    fn sum<I: Iterator<Item = StepErrors>>(all: I) -> StepErrors {
+        all.fold(StepErrors::default(), StepErrors::and)
+    }
+}
+
 /// A tile as it is encoded by block: without alpha where all of it is opaque, its errors held against `peak`
 /// ([`Raster::peak`]), the image's largest.
 #[must_use]
@@ -92,27 +98,50 @@ pub fn block_tile(
     images.described(set, params, met, &Job::default())
 }
 
-/// Searches the step with which all tiles of a source together just meet the goal, reading it once for each step that is tried: the
-/// step, and whether it meets the goal.
+/// Searches the step with which the tiles of an image together just meet the goal: the step, and whether it does. `all` gives their errors at a
+/// step; the parts of tiles in `seen` say before where to look, so that it is asked for two steps mostly.
 ///
 /// # Errors
-/// [`WriteError::Encode`], [`WriteError::Changed`] of a source without tiles, and those of the source.
+/// [`WriteError::Encode`], and those of `all`.
+pub fn search_tiles<E: From<WriteError>>(
+    params: &DctParams,
+    seen: &Seen,
+    mut all: impl FnMut(u16) -> Result<StepErrors, E>,
+) -> Result<(u16, bool), E> {
+    let samples: Vec<ImageSet> =
+        seen.samples.iter().map(|sample| block_source(sample.clone(), seen.peak)).collect();
+    let estimate = |step| {
+        let errors = samples.iter().map(|sample| step_errors(sample, params, step));
+        let sum = errors.sum::<Result<StepErrors, EncodeError>>().map_err(WriteError::from)?;
+        Ok::<_, E>(sum.measured())
+    };
+    let at_step = |step| Ok::<_, E>((step, all(step)?.measured()));
+    let found = match samples.is_empty() {
+        true => Dct::search_step(params.goal, seen.depth, at_step)?,
+        false => Dct::search_step_estimated(params.goal, seen.depth, estimate, at_step)?,
+    };
+    let found = found.ok_or(WriteError::Changed)?;
+    Ok((found.value, found.met))
+}
+
+/// As [`search_tiles`], reading a source once for each step that is measured.
+///
+/// # Errors
+/// [`WriteError::Encode`], and those of the source.
 pub fn search_blocks<S: TileSource>(
     source: &S,
     params: &DctParams,
     seen: &Seen,
 ) -> Result<(u16, bool), S::Error> {
-    let found = Dct::search_step(params.goal, seen.depth, |step| {
+    search_tiles(params, seen, |step| {
         let mut all = StepErrors::default();
         source.each_tile(&mut |SourceTile { texels, .. }| {
             let errors = step_errors(&block_source(texels, seen.peak), params, step);
             all = all.and(errors.map_err(WriteError::from)?);
             Ok(())
         })?;
-        Ok::<_, S::Error>((step, all.measured()))
-    })?;
-    let found = found.ok_or(WriteError::Changed)?;
-    Ok((found.value, found.met))
+        Ok(all)
+    })
 }
 
 /// Hands the tiles of a source to `take`, at the step that [`search_blocks`] found: their places, as they were encoded, and encoded; the

@@ -39,7 +39,9 @@ use texfold_dct::DctParams;
 
 #[doc(hidden)]
 pub use self::blocks::without_plain_alpha;
-pub use self::blocks::{StepErrors, block_source, block_tile, encode_blocks, search_blocks, step_errors};
+pub use self::blocks::{
+    StepErrors, block_source, block_tile, encode_blocks, search_blocks, search_tiles, step_errors,
+};
 pub use self::category::{Categories, colours};
 pub use self::cuts::{LEAST_SIDE, TILE_SIDE, cuts, tile_rects};
 pub use self::error::WriteError;
@@ -105,6 +107,11 @@ pub struct NewImage<'n> {
     pub replaces: bool,
 }
 
+/// Runs of columns and of rows of the part of a tile that stands for it, and the length of each.
+const SAMPLE_RUNS: (u32, u32) = (4, 64);
+/// Most parts that stand for an image: they take 34 MB in 16 bits.
+const MOST_SAMPLES: usize = 64;
+
 /// What is seen of the tiles of an image before it is encoded.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Seen {
@@ -114,15 +121,47 @@ pub struct Seen {
     pub depth: Depth,
     /// The largest own peak of its tiles ([`Raster::own_peak`]).
     pub peak: f32,
+    /// A part of every tile, or of one in [`sample_stride`]: [`sampled`] columns and rows.
+    pub samples: Vec<Raster>,
 }
 
 impl Seen {
     /// Takes a tile in.
     pub fn add(&mut self, tile: &Raster) {
+        let number = self.colours.len();
         self.colours.push(colours(tile));
         self.depth = tile.info().depth;
         self.peak = self.peak.max(tile.own_peak());
+        let (before, stride) = (sample_stride(number), sample_stride(number + 1));
+        if stride > before {
+            let mut number = 0;
+            self.samples.retain(|_| {
+                number += 1;
+                number % 2 == 1
+            });
+        }
+        if number.is_multiple_of(stride) {
+            let ImageSize { width, height } = tile.size();
+            self.samples.push(tile.pick(&sampled(width), &sampled(height)));
+        }
     }
+}
+
+/// The columns that stand for so many columns of a tile, or the rows: all of few, else runs that are spread evenly.
+#[must_use]
+pub fn sampled(length: u32) -> Vec<u32> {
+    let (runs, each) = SAMPLE_RUNS;
+    if length <= runs * each {
+        return (0..length).collect();
+    }
+    let first = |run: u32| (2 * run + 1) * length / (2 * runs) - each / 2;
+    (0..runs).flat_map(|run| first(run)..first(run) + each).collect()
+}
+
+/// Of so many tiles one in how many is sampled, from the first on: a power of two.
+#[must_use]
+pub fn sample_stride(tiles: usize) -> usize {
+    tiles.div_ceil(MOST_SAMPLES).next_power_of_two()
 }
 
 /// A bank that images are added to; it is locked while this lives.
@@ -237,8 +276,8 @@ impl<Row: Serialize + Clone> BankWriter<Row> {
 }
 
 impl BankWriter<Report> {
-    /// Adds an image by block: all tiles with the step with which the image as a whole meets the goal. It is read twice and once for each
-    /// step that is tried. False where an image of the same name and key is there already.
+    /// Adds an image by block: all tiles with the step with which the image as a whole meets the goal. It is read some four times: once
+    /// for each step that is measured, mostly two, and twice more. False where an image of the same name and key is there already.
     ///
     /// # Errors
     /// [`WriteError`], and those of the source.
@@ -385,6 +424,30 @@ fn lock(dir: &Path) -> Result<File, WriteError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use texfold_core::image::ColorSpace;
+
+    #[test]
+    fn samples_are_of_every_tile_or_of_one_in_some() {
+        for (tiles, stride) in [(1, 1), (64, 1), (65, 2), (128, 2), (129, 4), (300, 8)] {
+            assert_eq!(sample_stride(tiles), stride);
+            let mut seen = Seen::default();
+            for number in 0..tiles {
+                let bytes = vec![(number % 251) as u8; 300 * 2];
+                seen.add(&Raster::from_u8(300, 2, 1, ColorSpace::Srgb, &bytes).unwrap());
+            }
+            let found: Vec<u8> = seen.samples.iter().map(|sample| sample.to_bytes()[0]).collect();
+            let wanted: Vec<u8> = (0..tiles).step_by(stride).map(|number| (number % 251) as u8).collect();
+            assert_eq!(found, wanted, "{tiles}");
+            assert_eq!(seen.samples[0].size(), ImageSize { width: 256, height: 2 });
+        }
+        for length in [1, 255, 256, 257, 1024, 1279] {
+            let columns = sampled(length);
+            assert!(columns.is_sorted() && columns.iter().all(|&column| column < length), "{length}");
+            assert_eq!(columns.len() as u32, length.min(256));
+            let ends = columns[0].abs_diff(length - 1 - columns[columns.len() - 1]);
+            assert!(ends <= 1, "{length}: not in the middle");
+        }
+    }
 
     #[test]
     fn one_process_at_a_time_adds() {

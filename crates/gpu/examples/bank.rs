@@ -3,7 +3,7 @@
 //! `cargo run --release -p texfold-gpu --example bank -- BANK [FOLDER]` draws the images of a bank (`texfold bank add IMAGES --mips --out
 //! BANK`) side by side, from high above all of them down to one, then at once to another. Each tile of an image is a texture of the cache. It begins with the first
 //! bytes of its file, whose smallest levels are always there; tiles that are looked at closer are read whole, and those that were not looked at
-//! for longest give way where `STREAM_BYTES` do not suffice. Frames are written to the folder, `target/bank-flight` where none is named.
+//! for longest are dropped where `STREAM_BYTES` do not suffice. Frames are written to the folder, `target/bank-flight` where none is named.
 
 #[path = "support/archive.rs"]
 mod archive;

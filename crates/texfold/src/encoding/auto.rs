@@ -35,8 +35,8 @@ pub struct Attempt {
 /// Encodes images with the codec that the settings name, or with the one that answers the goal best.
 ///
 /// Maps of a material are encoded by `dct`.
-/// A codec that cannot reach the goal where plain block compression can, or that is larger at the same quality,
-/// gives way to it; the notes' verdict says so. A codebook of a given size is not held against plain blocks.
+/// Where a codec cannot reach the goal and plain block compression can, or is larger at the same quality,
+/// plain blocks are returned; the notes' verdict says so. A codebook of a given size is not held against plain blocks.
 /// Where no codec is named, the verdict says what was tried, what was not and why.
 ///
 /// # Errors
@@ -124,7 +124,7 @@ impl<'a> Contest<'a> {
             attempts: Vec::new(),
         };
         if contest.best.codec() != first.id {
-            contest.note(first.id.name, "was tried and gave way to plain blocks".to_owned());
+            contest.note(first.id.name, "was tried; plain blocks are better".to_owned());
         }
         contest.best_attempt = contest.note_encoded(contest.best.codec().name, &of_best);
         Ok(contest)

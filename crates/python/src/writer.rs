@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use texfold::bank::{
     BankWriter as Writer, NewImage, Seen, StepErrors, Sums, WriteError, block_source, block_tile,
-    block_tile_entry, search_tiles, step_errors, tile_file,
+    block_tile_entry, check_size, search_tiles, step_errors, tile_file,
 };
 use texfold::core::metric::SquaredError;
 use texfold::core::{EncodeError, ImageSize};
@@ -100,7 +100,7 @@ impl BankWriter {
     }
 }
 
-/// What an encoded tile comes to. It can be pickled, as it travels between processes.
+/// Bits and errors of an encoded tile. They can be pickled, as they travel between processes.
 #[pyclass(frozen, from_py_object, module = "texfold._texfold")]
 #[derive(Clone)]
 pub(crate) struct TileSums(Sums);
@@ -120,8 +120,9 @@ impl TileSums {
 
 /// First and number of the columns of the tiles that cover so many, or of rows.
 #[pyfunction]
-pub(crate) fn tile_cuts(length: u32) -> Vec<(u32, u32)> {
-    texfold::bank::cuts(length).collect()
+pub(crate) fn tile_cuts(length: u32) -> PyResult<Vec<(u32, u32)>> {
+    check_size(ImageSize { width: length, height: 1 }).map_err(|error| raised(&error))?;
+    Ok(texfold::bank::cuts(length).collect())
 }
 
 /// Name of the file of a tile by its number.
@@ -194,18 +195,20 @@ impl From<PyErr> for Fault {
 /// `samples` are parts of some.
 #[pyfunction]
 pub(crate) fn tile_step(
+    py: Python<'_>,
     samples: Vec<Pixels<'_>>,
     options: Options,
     peak: f32,
-    errors: &Bound<'_, PyAny>,
+    errors: Py<PyAny>,
 ) -> PyResult<(u16, bool)> {
     let color = named(&options.color)?;
     let samples: Vec<_> =
         samples.iter().map(|sample| raster_of(sample, color, &options.alpha)).collect::<PyResult<_>>()?;
     let depth = samples.first().map_or(Depth::default(), |sample| sample.info().depth);
     let seen = Seen { depth, peak, samples, ..Seen::default() };
-    let found = search_tiles(&params(&options)?, &seen, |step| {
-        let all: Vec<Errors> = errors.call1((step,))?.extract()?;
+    let params = params(&options)?;
+    let all_at = |step: u16| {
+        let all = Python::attach(|py| errors.call1(py, (step,))?.extract::<Vec<Errors>>(py))?;
         let all = all.into_iter().map(|(bits, texels, sum, count, worst_block_rms)| StepErrors {
             bits,
             texels,
@@ -213,7 +216,8 @@ pub(crate) fn tile_step(
             worst_block_rms,
         });
         Ok(all.sum())
-    });
+    };
+    let found = py.detach(|| search_tiles(&params, &seen, all_at));
     found.map_err(|Fault(error)| error)
 }
 

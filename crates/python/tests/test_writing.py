@@ -118,6 +118,14 @@ def test_bad_images_are_named_and_leave_the_bank_as_it_was(tmp_path):
     broken = da.map_blocks(fail, da.zeros((64, 64, 3), dtype=np.uint8), dtype=np.uint8, meta=np.zeros((0, 0, 0), np.uint8))
     with pytest.raises(OSError, match="the store failed"):
         add(tmp_path, "bad", broken)
+    # What would be listed and not be read is refused: before it is encoded, or before it is listed.
+    for image in [np.zeros((1, 32769), np.uint8), da.zeros((76000, 76000, 3), dtype=np.uint8)]:
+        with pytest.raises(texfold.BankError, match="a side has at most 32768"):
+            add(tmp_path, "bad", image)
+    with pytest.raises(texfold.BankError, match="georeference"):
+        add(tmp_path, "bad", land(64, 64), georeference=b"II" + bytes(1 << 24))
+    with pytest.raises(ValueError, match="1 axes"):
+        add(tmp_path, "bad", da.zeros(64, dtype=np.uint8))
     with texfold.BankWriter(tmp_path) as bank:
         with pytest.raises(texfold.BankError, match="another process"):
             texfold.BankWriter(tmp_path)
@@ -128,4 +136,6 @@ def test_bad_images_are_named_and_leave_the_bank_as_it_was(tmp_path):
     # Reversed and read-only arrays are images as others are.
     frozen = land(64, 64)[::-1, ::-1]
     frozen.flags.writeable = False
+    texfold.BankWriter(tmp_path).close()
     assert files(tmp_path) == before and add(tmp_path, "frozen", frozen)
+    assert texfold.Bank(tmp_path).names == ["land", "frozen"]

@@ -79,7 +79,7 @@ class BankWriter:
         name
             Its name, unlike those of others; that of a file without folder and extension.
         image
-            A numpy array of rows, columns and, unless it is gray, channels; ``uint8`` or ``uint16``. Or a Dask array: workers read and
+            A numpy array of rows, columns and, unless it is gray, channels; ``uint8`` or ``uint16``; at most 32768 a side. Or a Dask array: workers read and
             encode its tiles, and write them to the folder, which they must reach. The array is computed some four times; what computes it
             must give the same each time.
         psnr, bpp, tolerance, effort, metric, mips, color, alpha
@@ -102,13 +102,14 @@ class BankWriter:
         Raises
         ------
         BankError
-            An image of that name is there; a name that is none; a folder that cannot be written.
+            An image of that name is there; a name that is none; a side that is too long; a folder that cannot be written.
         EncodeError
             Images or settings that the codec does not take.
         """
         goal, value = _goal(psnr=psnr, bpp=bpp, tolerance=tolerance)
         options = {"codec": "dct", "goal": goal, "value": value, "effort": effort, "access": None, "metric": metric}
         options |= {"mips": bool(mips), "color": color, "alpha": alpha, "threads": None}
+        image = image if _is_dask(image) else np.asarray(image)
         tiles, run = _tiles(image)
         if key is None:
             key = _key(image, options, category, georeference)
@@ -132,15 +133,19 @@ class BankWriter:
         return True
 
 
+def _is_dask(image: Any) -> bool:
+    return type(image).__module__.partition(".")[0] == "dask"
+
+
 def _tiles(image: Any) -> tuple[list[tuple[tuple[int, int, int, int], Any]], Run]:
     """Places and arrays of the tiles of an image, and what runs functions of them."""
-    is_dask = type(image).__module__.partition(".")[0] == "dask"
+    is_dask = _is_dask(image)
+    if any(side != side for side in image.shape):
+        raise ValueError("an array of unknown shape; compute its chunk sizes")
     # Of a Dask array type and shape alone.
-    _pixels(np.empty((0, 0) + image.shape[2:], image.dtype) if is_dask else image)
+    _pixels(np.empty((0,) * min(image.ndim, 2) + image.shape[2:], image.dtype) if is_dask else image)
     if min(image.shape) < 1:
         raise ValueError(f"an image of shape {image.shape}; give at least one texel")
-    if is_dask and not all(isinstance(side, int) for side in image.shape):
-        raise ValueError("an array of unknown shape; compute its chunk sizes")
     rows, columns = (_texfold.tile_cuts(length) for length in image.shape[:2])
     places = [(x, y, width, height) for y, height in rows for x, width in columns]
     if not is_dask:

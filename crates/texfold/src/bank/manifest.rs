@@ -179,7 +179,7 @@ impl<Row> Manifest<Row> {
     }
 
     /// The first content that no bank has.
-    fn fault(&self) -> Option<String> {
+    pub(super) fn fault(&self) -> Option<String> {
         let (mut files, mut names) = (HashSet::new(), HashSet::new());
         for category in &self.categories {
             let file = category.file.as_deref();

@@ -1,7 +1,7 @@
 //! Images by block: all tiles with one step, with which the image as a whole answers the goal.
 //!
 //! A step a tile would give each the same PSNR, smooth ones finer steps than they need beside rough ones: more bits for the
-//! same errors of the image, and noise that changes where tiles meet. The image is read once for each step that is tried,
+//! same errors of the image, and noise that changes where tiles meet. The image is read once for each step that is measured,
 //! so that no more than a tile of it is held.
 
 use texfold_core::image::{ImageSet, Raster};

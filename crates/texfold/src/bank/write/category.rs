@@ -45,12 +45,6 @@ impl Categories {
         self.0
     }
 
-    /// Whether there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
     /// Makes a category of that name, with the mean of such colours ([`colours`]), where there is none and room for one.
     pub fn name(&mut self, name: &str, tiles: &[Vec<f32>]) {
         named(&mut self.0, name, tiles);

@@ -12,7 +12,7 @@ use super::super::BankError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WriteError {
-    /// What is there cannot be read.
+    /// A bank that cannot be read.
     #[error(transparent)]
     Bank(#[from] BankError),
     /// A file or folder cannot be written.
@@ -45,6 +45,14 @@ pub enum WriteError {
         /// The name.
         name: String,
     },
+    /// An image whose entry no reader of banks takes: larger than banks hold, or with a georeference that is too long.
+    #[error(
+        "the image cannot be in a bank ({what}); cut it into smaller ones, or leave out what is too long"
+    )]
+    Entry {
+        /// The fault.
+        what: String,
+    },
     /// There are too many named categories.
     #[error("a bank has at most {most} named categories; take one of these, or none")]
     Categories {
@@ -57,7 +65,7 @@ pub enum WriteError {
     /// A tile cannot be encoded.
     #[error(transparent)]
     Encode(#[from] EncodeError),
-    /// Its source cannot be read.
+    /// A source that cannot be read.
     #[error(transparent)]
     Source(Box<dyn Error + Send + Sync>),
 }

@@ -34,7 +34,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use texfold_core::container::SectionWriter;
 use texfold_core::image::{Depth, Raster};
-use texfold_core::{Encoded, Image2d, ImageSize};
+use texfold_core::{Encoded, Image2d, ImageSize, MAX_IMAGE_SIDE};
 use texfold_dct::DctParams;
 
 #[doc(hidden)]
@@ -112,7 +112,7 @@ const SAMPLE_RUNS: (u32, u32) = (4, 64);
 /// Most parts that stand for an image: they take 34 MB in 16 bits.
 const MOST_SAMPLES: usize = 64;
 
-/// What is seen of the tiles of an image before it is encoded.
+/// Colours, depth, peak and samples of the tiles of an image, which encoding needs before it begins.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Seen {
     /// Shares of colours of each tile, row by row ([`colours`]).
@@ -232,7 +232,7 @@ impl<Row: Serialize + Clone> BankWriter<Row> {
     /// categories; `next` is the number of the first file that is not the image's. The files of an image before it are removed after that.
     ///
     /// # Errors
-    /// [`WriteError::Write`].
+    /// [`WriteError::Entry`], [`WriteError::Write`].
     pub fn list(
         &mut self,
         image: Image<Row>,
@@ -255,6 +255,9 @@ impl<Row: Serialize + Clone> BankWriter<Row> {
             category.tiles = category.tiles.saturating_sub(1);
         }
         manifest.next = manifest.next.max(next);
+        if let Some(what) = manifest.fault() {
+            return Err(WriteError::Entry { what });
+        }
         let has_blocks = manifest.images.iter().any(has_blocks);
         manifest.set_version(has_blocks);
         let dir = self.bank.dir().to_owned();
@@ -291,10 +294,11 @@ impl BankWriter<Report> {
             return Ok(false);
         }
         let mut seen = Seen::default();
-        source.each_tile(&mut |tile| {
+        let size = source.each_tile(&mut |tile| {
             seen.add(&tile.texels);
             Ok(())
         })?;
+        check_size(size)?;
         let categories = self.categories_for(image, &seen)?;
         let found = search_blocks(source, params, &seen)?;
         let dir = self.bank.dir().to_owned();
@@ -352,7 +356,7 @@ impl BankWriter<Report> {
     /// Lists an image by block whose tiles are written; `end` is the number of the first file that is not its own.
     ///
     /// # Errors
-    /// [`WriteError::Write`].
+    /// [`WriteError::Entry`], [`WriteError::Write`].
     pub fn list_blocks(
         &mut self,
         image: &NewImage<'_>,
@@ -376,6 +380,18 @@ impl BankWriter<Report> {
             joined.iter().for_each(|&category| categories[category as usize].tiles += 1);
         })
     }
+}
+
+/// Refuses an image that is larger than those of banks, before work is done for it.
+///
+/// # Errors
+/// [`WriteError::Entry`].
+pub fn check_size(size: ImageSize) -> Result<(), WriteError> {
+    if size.width.max(size.height) <= MAX_IMAGE_SIDE {
+        return Ok(());
+    }
+    let ImageSize { width, height } = size;
+    Err(WriteError::Entry { what: format!("{width} x {height} texels; a side has at most {MAX_IMAGE_SIDE}") })
 }
 
 /// The entry of a tile by block in the list of a bank.

@@ -1,4 +1,4 @@
-//! What is known of an image of a bank: its row in the list.
+//! Figures of an image of a bank: its row in the list.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -8,7 +8,7 @@ use texfold_core::{Access, Encoded, Image2d, TextureCodec};
 
 use super::super::Image;
 
-/// What is known of an image of a bank. Fields that other programs wrote are kept as they are.
+/// Figures of an image of a bank. Fields that other programs wrote are kept as they are.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Report {
@@ -44,7 +44,7 @@ pub struct Report {
     /// Mip levels of its tiles.
     #[serde(skip)]
     pub levels: u32,
-    /// What else is known.
+    /// Fields of other programs.
     #[serde(flatten)]
     pub other: Map<String, Value>,
 }
@@ -57,7 +57,7 @@ impl Report {
     }
 }
 
-/// What tiles of an image come to together. Processes that encode some of them each hand theirs over, and these add up.
+/// Bits and errors of tiles of an image, added up. Processes that encode some of them each hand theirs over, and these add up.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Sums {
     /// Sum of the squared errors of colours in 8-bit units, values that went in.

@@ -6,7 +6,7 @@
 use glam::{DMat3, DVec2, Vec2};
 use texfold_core::image::{ColorSpace, Raster};
 use texfold_core::rng::Rng;
-use texfold_core::{Encoder, Job, Texel};
+use texfold_core::{Encoder, Goal, Job, Texel};
 use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
 use texfold_zipmap::{PatchSource, PatchStack, Registration, ZipParams, Zipmap, register};
 
@@ -109,7 +109,8 @@ fn a_patch_vanishes_smoothly_when_it_becomes_smaller_than_a_pixel() {
     let matrix = close_up(DVec2::splat(0.5), 16.0, 0.0, DVec2::ZERO);
     let patch = PatchSource { image: 0, matrix, mask: Some(mask), parent: None };
     let stack = PatchStack { root: gray, images: vec![white], patches: vec![patch] };
-    let params = ZipParams::default().with_merge(false);
+    // The goal leaves flat colours within 1 % of what they are.
+    let params = ZipParams::default().with_merge(false).with_goal(Goal::Psnr(50.0));
     let texture = Zipmap::encode(&stack, &params, &mut Job::default()).unwrap();
     let alone = texture.first_patches(0);
     // Pixels of a sixteenth of the patch to sixteen times it, a fifth larger each.
@@ -126,5 +127,5 @@ fn a_patch_vanishes_smoothly_when_it_becomes_smaller_than_a_pixel() {
         (before, _) = (found, shown.push(found));
     }
     println!("{shown:?}");
-    assert!(shown[0] > 0.7 && shown[45].abs() < 2e-3, "{shown:?}");
+    assert!(shown[0] > 0.74 && shown[45].abs() < 2e-3, "{shown:?}");
 }

@@ -1,6 +1,7 @@
 //! `decompress`: `.txf` files into images.
 
 mod astc;
+mod cog;
 mod gpu;
 mod picture;
 mod texture;
@@ -188,7 +189,7 @@ fn decompress(
         };
         if let Some(formats) = args.writing.texture() {
             if georeference(encoded, *rect).is_some() {
-                warn(&format!("{}: the georeference is left out; give --to tiff to keep it", path.display()));
+                warn(&format!("{}: the georeference is left out; give --to tiff or cog to keep it", path.display()));
             }
             let file = texture::file(path, &image, *rect, formats, &args.writing.memory, &report)?;
             write_whole(output, &file)?;

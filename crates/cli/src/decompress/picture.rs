@@ -11,6 +11,7 @@ use tiff::encoder::colortype::{ColorType, Gray8, Gray16, RGB8, RGB16};
 use tiff::encoder::{TiffEncoder, TiffValue};
 use tiff::tags::ExtraSamples;
 
+use super::cog::{self, Samples};
 use crate::console::{say, warn};
 use crate::error::CliError;
 use crate::input::georeference::Georeference;
@@ -27,16 +28,23 @@ pub(crate) enum Format {
     #[default]
     Png,
     Tiff,
+    /// Cloud-optimised GeoTIFF.
+    Cog,
     Webp,
     Exr,
 }
 
 impl Format {
+    /// Whether files hold any number of bands, and georeferences.
+    pub(super) fn is_tiff(self) -> bool {
+        matches!(self, Format::Tiff | Format::Cog)
+    }
+
     /// The extension of its files.
     pub(super) fn extension(self) -> &'static str {
         match self {
             Format::Png => "png",
-            Format::Tiff => "tiff",
+            Format::Tiff | Format::Cog => "tiff",
             Format::Webp => "webp",
             Format::Exr => "exr",
         }
@@ -79,19 +87,20 @@ impl Picture {
         picture
     }
 
-    /// Bytes of its samples.
+    /// Bytes of its samples and its file; of a [`Format::Cog`] with overviews and with tiles on their way into the file.
     pub(super) fn bytes(format: Format, size: ImageSize, info: PixelInfo, bands: Option<Bands>) -> u64 {
-        size.texels() * Picture::empty(format, size, info, bands).texel_bytes() as u64
+        let samples = size.texels() * Picture::empty(format, size, info, bands).texel_bytes() as u64;
+        if format == Format::Cog { 4 * samples } else { 2 * samples }
     }
 
     fn empty(format: Format, size: ImageSize, mut info: PixelInfo, bands: Option<Bands>) -> Picture {
         let sample = match (format, info.depth) {
             (Format::Exr, _) => Sample::Float,
-            (Format::Png | Format::Tiff, Depth::Sixteen) => Sample::Sixteen,
+            (Format::Png | Format::Tiff | Format::Cog, Depth::Sixteen) => Sample::Sixteen,
             _ => Sample::Eight,
         };
         let has_band = info.has_extra() && !info.has_alpha();
-        let lacks_band = has_band && format != Format::Tiff;
+        let lacks_band = has_band && !format.is_tiff();
         if lacks_band {
             info = PixelInfo { channels: info.channels - 1, alpha: Alpha::Opaque, ..info };
         }
@@ -181,12 +190,12 @@ impl Picture {
         let bytes = self.encode().map_err(|source| CliError::Draw { path: path.to_owned(), source })?;
         write_whole(path, &bytes)?;
         say(&format!("wrote {}", path.display()));
-        if self.georeference.is_some() && self.format != Format::Tiff {
-            warn(&format!("{}: the georeference is left out; give --to tiff to keep it", path.display()));
+        if self.georeference.is_some() && !self.format.is_tiff() {
+            warn(&format!("{}: the georeference is left out; give --to tiff or cog to keep it", path.display()));
         }
         if self.lacks_band {
             warn(&format!(
-                "{}: the band beside the colours is left out; give --to tiff to keep it",
+                "{}: the band beside the colours is left out; give --to tiff or cog to keep it",
                 path.display()
             ));
         }
@@ -218,6 +227,18 @@ impl Picture {
                 WebPEncoder::new_lossless(&mut out).write_image(&self.bytes, width, height, color)?;
             }
             Format::Exr => OpenExrEncoder::new(&mut out).write_image(&self.bytes, width, height, color)?,
+            Format::Cog => {
+                let samples = Samples {
+                    size: self.size,
+                    channels: self.channels,
+                    is_rgb: self.is_rgb,
+                    has_alpha: self.info.has_alpha(),
+                    width: self.texel_bytes() / usize::from(self.channels),
+                    no_data: self.georeference.as_ref().and_then(Georeference::no_data),
+                    bytes: &self.bytes,
+                };
+                return Ok(cog::encode(samples, self.georeference.as_ref())?);
+            }
             Format::Tiff if self.sample == Sample::Eight => match self.is_rgb {
                 false => self.tiff::<Gray8>(&mut out, &self.bytes)?,
                 true => self.tiff::<RGB8>(&mut out, &self.bytes)?,

@@ -34,6 +34,8 @@ pub(crate) enum To {
     Png,
     /// 8 or 16 bits a channel, as the texture has, and its georeference; not compressed.
     Tiff,
+    /// Cloud-optimised GeoTIFF: as tiff, in tiles of 512x512 compressed by Deflate, with overviews.
+    Cog,
     /// 8 bits a channel, lossless.
     Webp,
     /// OpenEXR: RGB in 32-bit floats and linear light, colours times alpha.
@@ -68,6 +70,7 @@ impl To {
     fn picture(self) -> Format {
         match self {
             To::Tiff => Format::Tiff,
+            To::Cog => Format::Cog,
             To::Webp => Format::Webp,
             To::Exr => Format::Exr,
             _ => Format::Png,
@@ -77,7 +80,7 @@ impl To {
     /// The format of texels of a texture.
     fn texels(self) -> Option<Texels> {
         let plane = match self {
-            To::Png | To::Tiff | To::Webp | To::Exr => return None,
+            To::Png | To::Tiff | To::Cog | To::Webp | To::Exr => return None,
             To::Astc4x4 => return Some(Texels::Astc(AstcSide::Four)),
             To::Astc6x6 => return Some(Texels::Astc(AstcSide::Six)),
             To::Astc8x8 => return Some(Texels::Astc(AstcSide::Eight)),
@@ -164,7 +167,7 @@ impl Writing {
     ) -> Result<Picture, CliError> {
         let band = size.texels().min(BAND_TEXELS) * BAND_BYTES_PER_TEXEL;
         let format = self.to.picture();
-        let needed = 2 * Picture::bytes(format, size, info, bands) + band;
+        let needed = Picture::bytes(format, size, info, bands) + band;
         memory::check(path, needed, self.memory.bytes())?;
         Ok(Picture::new(format, size, info, bands))
     }
@@ -201,7 +204,7 @@ impl Writing {
 
     /// Whether files hold any number of bands.
     pub(crate) fn takes_bands(&self) -> bool {
-        self.to == To::Tiff
+        self.to.picture().is_tiff()
     }
 
     /// Refuses to overwrite: fails where one of these files is there, without --force.

@@ -46,6 +46,24 @@ pub(crate) struct Georeference {
     bands: Option<Bands>,
 }
 
+/// The value of a tag.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum TagValue<'a> {
+    Doubles(&'a [f64]),
+    Shorts(&'a [u16]),
+    Text(&'a str),
+}
+
+impl TagValue<'_> {
+    fn is_empty(self) -> bool {
+        match self {
+            TagValue::Doubles(numbers) => numbers.is_empty(),
+            TagValue::Shorts(numbers) => numbers.is_empty(),
+            TagValue::Text(text) => text.is_empty(),
+        }
+    }
+}
+
 /// A part of an image at a mip level.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Part {
@@ -120,6 +138,17 @@ impl Georeference {
         self.bands
     }
 
+    /// The sample that stands for no data, where it is a whole one.
+    pub(crate) fn no_data(&self) -> Option<u32> {
+        self.no_data
+            .trim_end_matches('\0')
+            .trim()
+            .parse::<f64>()
+            .ok()
+            .filter(|value| value.fract() == 0.0)
+            .and_then(|value| (0.0..=f64::from(u16::MAX)).contains(&value).then_some(value as u32))
+    }
+
     /// A TIFF file of one texel with these tags; `None` where it is longer than notes may hold.
     fn to_bytes(&self) -> Option<Vec<u8>> {
         let mut out = Cursor::new(Vec::new());
@@ -148,27 +177,26 @@ impl Georeference {
         &self,
         image: &mut DirectoryEncoder<'_, W, K>,
     ) -> TiffResult<()> {
-        let numbers = [
-            (Tag::ModelPixelScaleTag, &self.scale),
-            (Tag::ModelTiepointTag, &self.tie_points),
-            (Tag::ModelTransformationTag, &self.matrix),
-            (Tag::GeoDoubleParamsTag, &self.doubles),
+        self.tags().into_iter().try_for_each(|(tag, value)| match value {
+            TagValue::Doubles(numbers) => image.write_tag(tag, numbers),
+            TagValue::Shorts(numbers) => image.write_tag(tag, numbers),
+            TagValue::Text(text) => image.write_tag(tag, text),
+        })
+    }
+
+    /// Tags with their values, without empty ones.
+    pub(crate) fn tags(&self) -> Vec<(Tag, TagValue<'_>)> {
+        let all = [
+            (Tag::ModelPixelScaleTag, TagValue::Doubles(&self.scale)),
+            (Tag::ModelTiepointTag, TagValue::Doubles(&self.tie_points)),
+            (Tag::ModelTransformationTag, TagValue::Doubles(&self.matrix)),
+            (Tag::GeoDoubleParamsTag, TagValue::Doubles(&self.doubles)),
+            (Tag::GeoKeyDirectoryTag, TagValue::Shorts(&self.keys)),
+            (Tag::GeoAsciiParamsTag, TagValue::Text(&self.text)),
+            (Tag::GdalNodata, TagValue::Text(&self.no_data)),
+            (GDAL_METADATA, TagValue::Text(&self.metadata)),
         ];
-        for (tag, numbers) in numbers.into_iter().filter(|(_, numbers)| !numbers.is_empty()) {
-            image.write_tag(tag, numbers.as_slice())?;
-        }
-        if !self.keys.is_empty() {
-            image.write_tag(Tag::GeoKeyDirectoryTag, self.keys.as_slice())?;
-        }
-        let texts = [
-            (Tag::GeoAsciiParamsTag, &self.text),
-            (Tag::GdalNodata, &self.no_data),
-            (GDAL_METADATA, &self.metadata),
-        ];
-        for (tag, text) in texts.into_iter().filter(|(_, text)| !text.is_empty()) {
-            image.write_tag(tag, text.as_str())?;
-        }
-        Ok(())
+        all.into_iter().filter(|(_, value)| !value.is_empty()).collect()
     }
 
     /// The georeference of a part of the image.

@@ -395,7 +395,7 @@ fn georeferences_are_kept_and_follow_parts_and_levels() {
     let run = place.run("decompress out/map.txf --out maps");
     assert_eq!(
         run.stderr.trim(),
-        "warning: maps/map.png: the georeference is left out; give --to tiff to keep it"
+        "warning: maps/map.png: the georeference is left out; give --to tiff or cog to keep it"
     );
     let run = place.run("bank add map.tif --codec dct --psnr 26 --effort fast --mips --out bank");
     assert!(run.code == Some(0) && run.stderr.is_empty(), "{}", run.stderr);
@@ -419,4 +419,69 @@ fn georeferences_are_kept_and_follow_parts_and_levels() {
     assert_eq!(run.code, Some(0));
     let warning = "georeferences are kept of single images, not of sets";
     assert!(report[0]["warnings"][0].as_str().unwrap().ends_with(warning), "{}", report[0]["warnings"]);
+}
+
+/// Directories of a TIFF file as cloud-optimised ones are checked by GDAL: offset of each, of its first tile, and its size.
+fn directories(place: &Place, name: &str) -> Vec<(u64, u64, (usize, usize))> {
+    use tiff::tags::Tag;
+    let mut decoder = tiff::decoder::Decoder::new(fs::File::open(place.at(name)).unwrap()).unwrap();
+    let mut all = Vec::new();
+    loop {
+        assert_eq!(decoder.chunk_dimensions(), (512, 512));
+        let tiles = decoder.get_tag_u64_vec(Tag::TileOffsets).unwrap();
+        assert!(tiles.is_sorted());
+        let (width, height) = decoder.dimensions().unwrap();
+        all.push((decoder.ifd_pointer().unwrap().0, tiles[0], (width as usize, height as usize)));
+        if !decoder.more_images() {
+            return all;
+        }
+        decoder.next_image().unwrap();
+    }
+}
+
+#[test]
+fn cloud_optimised_files_hold_the_same_samples_with_overviews() {
+    use tiff::tags::Tag;
+    let place = Place::new();
+    save_georeferenced(&place, "map.tif", 1300, 601);
+    save_deep(&place, "deep.png", 530, 40, 4);
+    let run = place.run("compress map.tif deep.png --out out --codec dct --psnr 26 --effort fast");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    for (name, levels) in
+        [("map", vec![(1300, 601), (650, 301), (325, 151)]), ("deep", vec![(530, 40), (265, 20)])]
+    {
+        for (to, out) in [("tiff", "plain"), ("cog", "cog")] {
+            let run = place.run(&format!("decompress out/{name}.txf --out {out} --to {to}"));
+            assert!(run.code == Some(0) && run.stderr.is_empty(), "{}", run.stderr);
+        }
+        let file = format!("cog/{name}.tiff");
+        let (color, samples) = opened(&place, &format!("plain/{name}.tiff"));
+        assert_eq!(opened(&place, &file), (color, samples.clone()));
+        let found = directories(&place, &file);
+        assert_eq!(found.iter().map(|directory| directory.2).collect::<Vec<_>>(), levels);
+        // Directories at the head, the image's first; texels behind them all, the smallest overview's first.
+        assert_eq!(found[0].0, 8);
+        assert!(found.is_sorted_by(|one, next| one.0 < next.0 && one.1 > next.1), "{found:?}");
+        assert!(found.last().unwrap().0 < found.last().unwrap().1, "{found:?}");
+
+        let mut decoder = tiff::decoder::Decoder::new(fs::File::open(place.at(&file)).unwrap()).unwrap();
+        if name == "map" {
+            assert_eq!(
+                decoder.get_tag_f64_vec(Tag::ModelTiepointTag).unwrap(),
+                [0.0, 0.0, 0.0, 5e5, 4.1e6, 0.0]
+            );
+        }
+        for directory in found.iter().skip(1) {
+            decoder.next_image().unwrap();
+            assert!(decoder.read_image().is_ok(), "{directory:?}");
+        }
+        // Overviews are no pages of the file.
+        let run = place.run(&format!("compress {file} --out again --codec bc"));
+        assert!(run.code == Some(0) && run.stderr.is_empty(), "{}", run.stderr);
+    }
+    // A georeferenced part, of a bank too.
+    assert_eq!(place.run("bank add map.tif --codec dct --psnr 26 --effort fast --out bank").code, Some(0));
+    let run = place.run("bank extract bank --out part --to cog --region 5,2,600,10");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert_eq!(directories(&place, "part/map-5-2-600x10.tiff").len(), 2);
 }

@@ -37,8 +37,8 @@ def memory():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def kill(client, count, done):
-    while count > 0 and not done.wait(2):
+def kill(client, count, pause, done):
+    while count > 0 and not done.wait(pause):
         busy = [worker for worker, calls in client.processing().items() if calls]
         for pid in client.run(os.getpid, workers=busy[:1]).values() if busy else ():
             os.kill(pid, signal.SIGKILL)
@@ -58,12 +58,14 @@ def main():
     chunks = (CHUNK, CHUNK, 3)
     image = da.map_blocks(land, chunks=da.core.normalize_chunks(chunks, (side, side, 3)), dtype=np.uint8, meta=np.zeros((0, 0, 0), np.uint8))
     out = options.out or tempfile.mkdtemp()
+    # Spread over the run, at some 1.5 megatexels a second.
+    pause = max(2, side * side / 1.5e6 / max(options.kill, 1))
     done = threading.Event()
     with (
         distributed.LocalCluster(n_workers=options.workers, threads_per_worker=1, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
     ):
-        thread = threading.Thread(target=kill, args=(client, options.kill, done))
+        thread = threading.Thread(target=kill, args=(client, options.kill, pause, done))
         thread.start()
         start = time.time()
         try:

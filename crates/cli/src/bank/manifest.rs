@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
-use texfold::bank::{BankError, MANIFEST};
 use texfold_core::Access;
 
+use crate::console::warn;
 use crate::error::CliError;
 use crate::input::georeference::Georeference;
 use crate::report::Row;
@@ -17,19 +17,16 @@ pub(super) type Writer = texfold::bank::BankWriter<Row>;
 /// Opens the bank in a folder.
 pub(crate) fn open(dir: &Path) -> Result<Bank, CliError> {
     let bank = Bank::open(dir)?;
-    check(&bank)?;
+    warn_of_places(&bank);
     Ok(bank)
 }
 
-/// Refuses georeferences that cannot be.
-pub(super) fn check(bank: &Bank) -> Result<(), CliError> {
-    let is_misplaced = |image: &&Image| !image.georeference.is_empty() && georeference_of(image).is_none();
-    match bank.images().iter().find(is_misplaced) {
-        None => Ok(()),
-        Some(image) => {
-            let what = format!("image {} has a georeference that cannot be", image.name);
-            Err(BankError::Manifest { path: bank.dir().join(MANIFEST), what }.into())
-        }
+/// Warns of georeferences that are none: any program may have added the image, and its texels are whole.
+pub(super) fn warn_of_places(bank: &Bank) {
+    let is_damaged = |image: &&Image| !image.georeference.is_empty() && georeference_of(image).is_none();
+    for image in bank.images().iter().filter(is_damaged) {
+        let (dir, name) = (bank.dir().display(), &image.name);
+        warn(&format!("{dir}: the georeference of {name} is damaged and left out; add the image again"));
     }
 }
 

@@ -189,7 +189,10 @@ fn decompress(
         };
         if let Some(formats) = args.writing.texture() {
             if georeference(encoded, *rect).is_some() {
-                warn(&format!("{}: the georeference is left out; give --to tiff or cog to keep it", path.display()));
+                warn(&format!(
+                    "{}: the georeference is left out; give --to tiff or cog to keep it",
+                    path.display()
+                ));
             }
             let file = texture::file(path, &image, *rect, formats, &args.writing.memory, &report)?;
             write_whole(output, &file)?;

@@ -191,7 +191,10 @@ impl Picture {
         write_whole(path, &bytes)?;
         say(&format!("wrote {}", path.display()));
         if self.georeference.is_some() && !self.format.is_tiff() {
-            warn(&format!("{}: the georeference is left out; give --to tiff or cog to keep it", path.display()));
+            warn(&format!(
+                "{}: the georeference is left out; give --to tiff or cog to keep it",
+                path.display()
+            ));
         }
         if self.lacks_band {
             warn(&format!(

@@ -410,8 +410,11 @@ fn georeferences_are_kept_and_follow_parts_and_levels() {
         [("\"georeference\":\"", "\"georeference\":\"!"), ("\"georeference\":\"", "\"georeference\":\"AAAA")]
     {
         fs::write(place.at("bank/bank.json"), forged.replace(from, to)).unwrap();
-        let run = place.run("bank list bank");
-        assert!(run.stderr.contains("image map has a georeference that cannot be"), "{}", run.stderr);
+        for command in ["bank list bank", "bank extract bank --out of-bank --to tiff --force"] {
+            let run = place.run(command);
+            assert_eq!(run.code, Some(0), "{}", run.stderr);
+            assert!(run.stderr.contains("the georeference of map is damaged and left out"), "{}", run.stderr);
+        }
     }
     save_georeferenced(&place, "set/a.tif", 40, 24);
     save_georeferenced(&place, "set/b.tif", 40, 24);

@@ -270,7 +270,7 @@ fn with_content(
         }
         Goal::Psnr(psnr) => {
             let most = most_bpp.map_or(MAX_CELLS, |bpp| grid_for_bpp(prepared, content, bpp).cells());
-            let most = most.min(prepared.most_words);
+            let most = most.min(prepared.blocks.len() as u32).max(1);
             search_psnr(prepared, content, psnr, most, job)
         }
     }

@@ -21,7 +21,7 @@ pub(crate) enum UsageError {
     SceneWeights,
     #[error("--container is for textures; give --to bc1, bc3, bc4, bc5, bc7 or rgba8, or leave it out")]
     Container,
-    #[error("windows of a bank are written as pictures; give --to png, tiff, webp or exr")]
+    #[error("windows of a bank are written as pictures; give --to png, tiff, cog, webp or exr")]
     BankTexture,
     #[error("a bank has images of the codecs dct and progressive, not {codec}; give one of these")]
     BankCodec { codec: &'static str },

@@ -17,12 +17,12 @@ pub(super) type Writer = texfold::bank::BankWriter<Row>;
 /// Opens the bank in a folder.
 pub(crate) fn open(dir: &Path) -> Result<Bank, CliError> {
     let bank = Bank::open(dir)?;
-    warn_of_places(&bank);
+    warn_of_georeferences(&bank);
     Ok(bank)
 }
 
-/// Warns of georeferences that are none: any program may have added the image, and its texels are whole.
-pub(super) fn warn_of_places(bank: &Bank) {
+/// Warns of damaged georeferences, without which the images can be read.
+pub(super) fn warn_of_georeferences(bank: &Bank) {
     let is_damaged = |image: &&Image| !image.georeference.is_empty() && georeference_of(image).is_none();
     for image in bank.images().iter().filter(is_damaged) {
         let (dir, name) = (bank.dir().display(), &image.name);

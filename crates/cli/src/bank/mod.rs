@@ -41,7 +41,7 @@ impl Open {
     pub(crate) fn new(dir: &Path) -> Result<Open, CliError> {
         make_folder(dir)?;
         let writer = Writer::open(dir).map_err(|error| fault(dir, error))?;
-        manifest::warn_of_places(writer.bank());
+        manifest::warn_of_georeferences(writer.bank());
         let books = writer.bank().manifest().categories.iter().map(|_| None).collect();
         Ok(Open { writer, books })
     }

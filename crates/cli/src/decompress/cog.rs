@@ -1,7 +1,7 @@
 //! Cloud-optimised GeoTIFF (OGC 21-026): tiles compressed by Deflate, overviews, directories at the head of the file.
 //!
-//! Encoders of the crates write a directory behind its image; readers over HTTP want all directories in their first request. Layout:
-//! header, directories from the image down to its smallest overview, texels from the smallest overview up to the image.
+//! The crate `tiff` writes a directory behind its image; readers over HTTP expect all directories in their first request. Layout: header,
+//! directories from the image down to its smallest overview, texels from the smallest overview up to the image.
 
 use std::io::Write;
 
@@ -14,7 +14,7 @@ use crate::input::georeference::{Georeference, TagValue};
 
 /// Texels a side of a tile: GDAL's default, and that of the largest image without overviews.
 const TILE: u32 = 512;
-/// Bytes of a file from which on 32-bit offsets may not reach its end: BigTIFF has 64 bits.
+/// Most bytes of a file with 32-bit offsets; a larger one is BigTIFF.
 const CLASSIC: u64 = u32::MAX as u64;
 
 /// An image as its samples.
@@ -23,12 +23,12 @@ pub(super) struct Samples<'a> {
     pub size: ImageSize,
     /// Samples of a texel.
     pub channels: u16,
-    /// Whether the first three are red, green and blue.
+    /// Red, green and blue are the first three.
     pub is_rgb: bool,
-    /// Whether the last one is alpha.
+    /// Alpha is the last one.
     pub has_alpha: bool,
     /// Bytes of a sample: 1, or 2 in the byte order of the machine.
-    pub width: usize,
+    pub sample_bytes: usize,
     /// The sample that stands for no data.
     pub no_data: Option<u32>,
     pub bytes: &'a [u8],
@@ -84,7 +84,7 @@ impl<'a> Samples<'a> {
     }
 
     fn texel_bytes(&self) -> usize {
-        self.width * usize::from(self.channels)
+        self.sample_bytes * usize::from(self.channels)
     }
 
     /// The texel of that column and row, both cut to the image.
@@ -95,7 +95,7 @@ impl<'a> Samples<'a> {
     }
 
     fn sample(&self, texel: &[u8], channel: usize) -> u32 {
-        match self.width {
+        match self.sample_bytes {
             1 => texel[channel].into(),
             _ => u16::from_ne_bytes([texel[2 * channel], texel[2 * channel + 1]]).into(),
         }
@@ -125,7 +125,7 @@ impl<'a> Samples<'a> {
                     let sum: u64 = weighted.iter().map(|(weight, sample)| weight * sample).sum();
                     let plain: u64 = weighted.iter().map(|(_, sample)| sample).sum();
                     let mean = (sum + all / 2).checked_div(all).unwrap_or((plain + 2) / 4);
-                    match self.width {
+                    match self.sample_bytes {
                         1 => out.push(mean as u8),
                         _ => out.extend((mean as u16).to_ne_bytes()),
                     }
@@ -164,7 +164,7 @@ impl<'a> Samples<'a> {
             for (channel, before) in before.iter_mut().enumerate() {
                 let sample = self.sample(texel, channel);
                 let difference = sample.wrapping_sub(*before);
-                out.extend(&difference.to_le_bytes()[..self.width]);
+                out.extend(&difference.to_le_bytes()[..self.sample_bytes]);
                 *before = sample;
             }
         }
@@ -186,7 +186,7 @@ impl<'a> Samples<'a> {
             long(Tag::NewSubfileType.to_u16(), u64::from(is_overview)),
             long(Tag::ImageWidth.to_u16(), self.size.width.into()),
             long(Tag::ImageLength.to_u16(), self.size.height.into()),
-            alike(Tag::BitsPerSample, 8 * self.width as u16),
+            alike(Tag::BitsPerSample, 8 * self.sample_bytes as u16),
             short(Tag::Compression, DEFLATE),
             short(Tag::PhotometricInterpretation, if self.is_rgb { RGB } else { BLACK_IS_ZERO }),
             short(Tag::SamplesPerPixel, self.channels),
@@ -209,7 +209,7 @@ impl<'a> Samples<'a> {
             let kind = if self.has_alpha { STRAIGHT_ALPHA } else { UNSPECIFIED };
             entries.push(Entry::of(Tag::ExtraSamples, TagValue::Shorts(&vec![kind; extra])));
         }
-        // Overviews take their place from the image, but not what its texels mean.
+        // Readers take georeference and metadata from the image's directory, the value of no data from each.
         let tags = georeference.map(Georeference::tags).unwrap_or_default();
         let kept = tags.into_iter().filter(|(tag, _)| !is_overview || *tag == Tag::GdalNodata);
         entries.extend(kept.map(|(tag, value)| Entry::of(tag, value)));
@@ -335,9 +335,9 @@ mod tests {
 
     use super::*;
 
-    fn gray(size: (u32, u32), width: usize, bytes: &[u8]) -> Samples<'_> {
+    fn gray(size: (u32, u32), sample_bytes: usize, bytes: &[u8]) -> Samples<'_> {
         let size = ImageSize { width: size.0, height: size.1 };
-        Samples { size, channels: 1, is_rgb: false, has_alpha: false, width, no_data: None, bytes }
+        Samples { size, channels: 1, is_rgb: false, has_alpha: false, sample_bytes, no_data: None, bytes }
     }
 
     #[test]

@@ -35,7 +35,7 @@ pub(crate) enum Format {
 }
 
 impl Format {
-    /// Whether files hold any number of bands, and georeferences.
+    /// TIFF of either kind, which holds any number of bands, and georeferences.
     pub(super) fn is_tiff(self) -> bool {
         matches!(self, Format::Tiff | Format::Cog)
     }
@@ -236,7 +236,7 @@ impl Picture {
                     channels: self.channels,
                     is_rgb: self.is_rgb,
                     has_alpha: self.info.has_alpha(),
-                    width: self.texel_bytes() / usize::from(self.channels),
+                    sample_bytes: self.texel_bytes() / usize::from(self.channels),
                     no_data: self.georeference.as_ref().and_then(Georeference::no_data),
                     bytes: &self.bytes,
                 };

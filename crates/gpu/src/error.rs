@@ -62,6 +62,14 @@ pub enum GpuError {
         /// Most that one shader reads.
         limit: u32,
     },
+    /// A material whose maps cannot share tiles.
+    #[error(
+        "the maps of this material cannot share tiles: {what}; add them as textures, each looked up by itself"
+    )]
+    Material {
+        /// The reason.
+        what: &'static str,
+    },
     /// The textures of a material cannot stand in one shader.
     #[error("the textures of the material cannot stand in one shader")]
     Paste(#[from] texfold_shaders::PasteError),

@@ -52,7 +52,9 @@ pub use texfold_shaders::ModuleInfo;
 pub use texture::{AddressMode, GpuTexture};
 #[doc(hidden)]
 pub use tiles::tile_numbers;
-pub use tiles::{TileBytes, TileCache, TileLook, TileOptions, TileReport, TileTexture, TileUse, TileWatch};
+pub use tiles::{
+    TileBytes, TileCache, TileContents, TileLook, TileOptions, TileReport, TileTexture, TileUse, TileWatch,
+};
 pub use update::Updated;
 #[cfg(not(feature = "wgpu29"))]
 pub use wgpu;

@@ -6,6 +6,7 @@
     reason = "the examples and the other tests' support each draw without a window"
 )]
 
+mod materials;
 #[path = "../examples/support/offscreen.rs"]
 mod offscreen;
 
@@ -28,6 +29,7 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 /// Updates within which all tiles of a view are there.
 const UPDATES: u32 = 3;
 
+/// What all shaders have before their fragments.
 const SHADER: &str = "
 struct View { origin: vec2<f32>, across: vec2<f32>, down: vec2<f32>, texture: u32, lod: f32 }
 @group(1) @binding(0) var<uniform> view: View;
@@ -36,7 +38,8 @@ struct View { origin: vec2<f32>, across: vec2<f32>, down: vec2<f32>, texture: u3
 fn vs(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
     return vec4<f32>(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.0, 1.0);
 }
-
+";
+const COLOUR: &str = "
 @fragment
 fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
     let uv = view.origin + view.across * at.x + view.down * at.y;
@@ -85,9 +88,14 @@ struct Renderer<'g> {
 
 impl<'g> Renderer<'g> {
     fn new(gpu: &'g Gpu, options: &TileOptions) -> Self {
+        Renderer::of(gpu, options, COLOUR)
+    }
+
+    /// A renderer whose fragments are these.
+    fn of(gpu: &'g Gpu, options: &TileOptions, fragments: &str) -> Self {
         let cache = TileCache::new(gpu, options).unwrap();
         let device = gpu.device();
-        let source = wgpu::ShaderSource::Wgsl([&cache.wgsl(0), SHADER].concat().into());
+        let source = wgpu::ShaderSource::Wgsl([&cache.wgsl(0), SHADER, fragments].concat().into());
         let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
         let uniform = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: None,
@@ -345,34 +353,6 @@ fn channels_and_depths_of_all_kinds_are_drawn() {
         let texture = encode("dct", of_pixels(channels, depth), true);
         assert_eq!(texture.as_encoded().layout().pixel.channels, channels);
         hold(&mut renderer, &texture, look, (3, 2.0), &mut rng);
-    }
-}
-
-#[test]
-fn maps_of_a_material_are_filtered_as_what_they_are() {
-    let Some(gpu) = gpu() else { return };
-    let mut renderer = Renderer::new(gpu, &options());
-    let normals = image("normal_map").tagged(ColorSpace::Normal, Alpha::Opaque);
-    let height = of_pixels(1, Depth::Sixteen).tagged(ColorSpace::Linear, Alpha::Opaque);
-    let maps = vec![
-        (MapKind::BaseColor, "color".to_owned(), of_pixels(3, Depth::Eight)),
-        (MapKind::Normal, "normal".to_owned(), normals),
-        (MapKind::Height, "height".to_owned(), height),
-    ];
-    let images = ImageSet::of_maps(maps).unwrap();
-    let texture =
-        texfold::Encode::new(&images).goal(Goal::Bpp(4.0)).effort(Effort::Fast).mips(true).run().unwrap();
-    let look = TileLook { address: AddressMode::Repeat, srgb: true };
-    let added = renderer.cache.add(renderer.gpu, texture.as_encoded(), look).unwrap();
-    let mut rng = Rng::new(23);
-    for (number, &added) in (0..).zip(&added) {
-        let look = TileLook { srgb: number == 0, ..look };
-        let reference = Reference::new(texture.as_encoded(), number, look);
-        let levels = reference.levels.len() as u32;
-        for _ in 0..3 {
-            let view = random_view(&mut rng, reference.levels[0].0, levels, added);
-            compare_view(&renderer, (texture.as_encoded(), &reference), &view, 2.0);
-        }
     }
 }
 

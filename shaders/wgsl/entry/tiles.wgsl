@@ -106,24 +106,54 @@ fn deblock_rows(@builtin(global_invocation_id) id: vec3<u32>) {
 
 var<private> entry_output: EntryOutput;
 
+// The texel of a request in that column and row of its level.
+fn entry_colour(number: u32, level: u32, at: vec2<u32>) -> vec4<f32> {
+    let stage = entry_plan.requests[number].stage;
+    texfold_block_pass = entry_plan.passes[(number + 1u) * TEXFOLD_TILE_PLANES - 1u];
+    entry_output.shift = entry_stages[stage].shift;
+    entry_output.largest = entry_stages[stage].largest;
+    entry_output.means = entry_stages[stage].means;
+    entry_output.first_axes = entry_stages[stage].first_axes;
+    entry_output.weights = entry_stages[stage].weights;
+    entry_output.last = entry_stages[stage].size - vec2<u32>(1u);
+    entry_output.reduce_log2 = level % 3u;
+    entry_output.average = entry_stages[stage].average;
+    return vec4<f32>(entry_texel(at)) / f32(entry_output.largest);
+}
+
+// The first image of a layer writes it, with those behind it that fill further channels.
 @compute @workgroup_size(8, 8)
 fn write_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.z >= entry_plan.count || entry_plan.requests[id.z].stage >= 0x80000000u {
         return;
     }
     let request = entry_plan.requests[id.z];
+    let level = request.level & 255u;
+    let own = request.level >> 8u;
+    let parts = texfold_tile_textures[request.texture].parts;
+    let layer = texfold_tile_part(parts, own).x;
+    for (var part = 0u; part < own; part += 1u) {
+        if texfold_tile_part(parts, part).x == layer {
+            return;
+        }
+    }
     let flags = texfold_tile_flags(texfold_tile_textures[request.texture].shape);
-    let size = texfold_tile_level_size(texfold_tile_textures[request.texture].size, request.level);
-    texfold_block_pass = entry_plan.passes[(id.z + 1u) * TEXFOLD_TILE_PLANES - 1u];
-    entry_output.shift = entry_stages[request.stage].shift;
-    entry_output.largest = entry_stages[request.stage].largest;
-    entry_output.means = entry_stages[request.stage].means;
-    entry_output.first_axes = entry_stages[request.stage].first_axes;
-    entry_output.weights = entry_stages[request.stage].weights;
-    entry_output.last = entry_stages[request.stage].size - vec2<u32>(1u);
-    entry_output.reduce_log2 = request.level % 3u;
-    entry_output.average = entry_stages[request.stage].average;
-    let texel = vec4<f32>(entry_texel(texfold_tile_source(request.tile, size, flags, id.xy)));
-    let target_texel = texfold_tile_place(request.slot, textureDimensions(entry_pool).x);
-    textureStore(entry_pool, target_texel.xy + id.xy, target_texel.z, texel / f32(entry_output.largest));
+    let size = texfold_tile_level_size(texfold_tile_textures[request.texture].size, level);
+    let at = texfold_tile_source(request.tile, size, flags, id.xy);
+    // Channels that no image fills stay 1.
+    var texel = vec4<f32>(1.0);
+    for (var part = own; part < texfold_tile_parts(parts); part += 1u) {
+        let place = texfold_tile_part(parts, part);
+        if place.x != layer {
+            continue;
+        }
+        let colour = entry_colour(id.z + part - own, level, at);
+        if ((parts.shape >> (8u + part)) & 1u) == 1u {
+            texel = select(texel, colour.xxxx, vec4<u32>(0u, 1u, 2u, 3u) == vec4<u32>(place.y));
+        } else {
+            texel = colour;
+        }
+    }
+    let target_texel = texfold_tile_place(request.place);
+    textureStore(entry_pool, target_texel.xy + id.xy, target_texel.z + layer, texel);
 }

@@ -22,7 +22,7 @@ fn draw_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
     let flags = texfold_tile_flags(texfold_tile_textures[request.texture].shape);
     let size = texfold_tile_level_size(texfold_tile_textures[request.texture].size, request.level);
     let at = texfold_tile_source(request.tile, size, flags, id.xy);
-    let target_texel = texfold_tile_place(request.slot, textureDimensions(entry_pool).x);
+    let target_texel = texfold_tile_place(request.place);
     let texel = entry_fetch(entry_source.image, vec2<i32>(at), request.level);
     textureStore(entry_pool, target_texel.xy + id.xy, target_texel.z, texel);
 }

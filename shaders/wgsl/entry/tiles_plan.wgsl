@@ -13,7 +13,8 @@ struct EntryOptions {
     sources: u32,
     // Tiles along a side of a layer of the pool.
     columns: u32,
-    reserved: vec3<u32>,
+    // Layers of a place, 0 standing for one.
+    layers: u32,
 }
 
 @group(0) @binding(0) var<storage, read> texfold_tile_textures: array<TexfoldTileTexture>;
@@ -47,6 +48,9 @@ var<workgroup> entry_ages: array<atomic<u32>, ENTRY_AGES>;
 // Wanted tiles of each level, then the next rank of each.
 var<workgroup> entry_levels: array<atomic<u32>, TEXFOLD_TILE_LEVELS>;
 var<workgroup> entry_chosen: array<u32, TEXFOLD_TILE_MOST>;
+// The first request of each tile, and the tile of each request.
+var<workgroup> entry_first: array<u32, TEXFOLD_TILE_MOST>;
+var<workgroup> entry_owner: array<u32, TEXFOLD_TILE_MOST>;
 var<workgroup> entry_words: array<u32, TEXFOLD_TILE_MOST>;
 var<workgroup> entry_places: array<u32, TEXFOLD_TILE_MOST>;
 var<workgroup> entry_count: u32;
@@ -94,7 +98,7 @@ fn entry_wanted(number: u32) -> EntryTile {
 // The page of a place.
 fn entry_there(slot: u32) -> u32 {
     let columns = entry_options.columns;
-    let layer = slot / (columns * columns);
+    let layer = slot / (columns * columns) * max(entry_options.layers, 1u);
     return TEXFOLD_TILE_THERE | (layer << 16u) | ((slot / columns % columns) << 8u) | (slot % columns);
 }
 
@@ -148,12 +152,19 @@ fn entry_base(range: vec2<u32>, side: u32, blocks: u32, log2: u32) -> vec2<u32> 
     return vec2<u32>(first, min(base - first + last + 1u, base));
 }
 
-// Plans the planes of a tile, as tile `number` of the update; returns the words that they take.
-fn entry_planes(number: u32, tile: EntryTile) -> u32 {
+// The stage that an image of a tile is decoded from: those of one image follow those of another.
+fn entry_stage(tile: EntryTile, part: u32) -> u32 {
+    let shape = texfold_tile_textures[tile.texture].shape;
+    let own = min(texfold_tile_levels(shape), texfold_tile_tail(shape));
+    return texfold_tile_textures[tile.texture].stages + part * ((own + 2u) / 3u) + tile.level / 3u;
+}
+
+// Plans the planes of an image of a tile, as request `number` of the update; returns the words that they take.
+fn entry_planes(number: u32, tile: EntryTile, part: u32) -> u32 {
     let texture = tile.texture;
     let flags = texfold_tile_flags(texfold_tile_textures[texture].shape);
     let is_clamped = (flags & TEXFOLD_TILE_CLAMP) != 0u;
-    let stage = texfold_tile_textures[texture].stages + tile.level / 3u;
+    let stage = entry_stage(tile, part);
     let reduce = tile.level % 3u;
     let base_log2 = entry_stages[stage].superblock_log2 >> 8u;
     var log2 = entry_stages[stage].superblock_log2 & 255u;
@@ -302,10 +313,27 @@ fn entry_choose(thread: u32, entries: u32, most: u32) {
     }
 }
 
-// Plans a tile; returns the words of scratch memory that it takes.
-fn entry_planned(number: u32, tile: EntryTile) -> u32 {
+// Requests of the chosen tiles, one for each of their images, of as many tiles as there is room for; returns how many.
+fn entry_share_requests(most: u32) -> u32 {
+    var requests = 0u;
+    for (var rank = 0u; rank < most; rank += 1u) {
+        let texture = texfold_tile_feedback.tiles[entry_chosen[rank]].x & 0xffffffu;
+        let next = requests + texfold_tile_parts(texfold_tile_textures[texture].parts);
+        if next > TEXFOLD_TILE_MOST {
+            break;
+        }
+        entry_first[rank] = requests;
+        for (; requests < next; requests += 1u) {
+            entry_owner[requests] = rank;
+        }
+    }
+    return requests;
+}
+
+// Plans a request; returns the words of scratch memory that it takes.
+fn entry_planned(number: u32, tile: EntryTile, part: u32) -> u32 {
     if texfold_tile_textures[tile.texture].source == 0u {
-        return entry_planes(number, tile);
+        return entry_planes(number, tile, part);
     }
     for (var plane = 0u; plane < TEXFOLD_TILE_PLANES; plane += 1u) {
         entry_plan.passes[number * TEXFOLD_TILE_PLANES + plane].count = vec2<u32>(0u);
@@ -314,26 +342,32 @@ fn entry_planned(number: u32, tile: EntryTile) -> u32 {
     return 0u;
 }
 
-// First word of each tile, for as many tiles as there are words.
-fn entry_share_words(most: u32) {
+// First word of each request, for as many tiles as there are words.
+fn entry_share_words(requests: u32) {
     // The first block of scratch memory stays 0.
     var words = TEXFOLD_BLOCK_WORDS;
     var count = 0u;
-    for (; count < most; count += 1u) {
+    var decoded = 0u;
+    for (; count < requests; count += 1u) {
         let next = words + entry_words[count];
         if next > entry_options.words {
+            // Nor the requests of the same tile before it.
+            count = entry_first[entry_owner[count]];
             break;
         }
         entry_words[count] = words;
         words = next;
+    }
+    if count > 0u {
+        decoded = entry_owner[count - 1u] + 1u;
     }
     entry_count = count;
     entry_plan.count = count;
     entry_plan.words = words;
     let cleared = ENTRY_WORKGROUP * ENTRY_CLEARED;
     entry_dispatch(0u, select(0u, (words + cleared - 1u) / cleared, count > 0u));
-    texfold_tile_feedback.decoded = count;
-    texfold_tile_feedback.missing -= count;
+    texfold_tile_feedback.decoded = decoded;
+    texfold_tile_feedback.missing -= decoded;
     texfold_tile_feedback.frame += 1u;
     atomicStore(&texfold_tile_feedback.wanted, 0u);
 }
@@ -345,23 +379,24 @@ fn entry_dispatch(number: u32, groups: u32) {
     entry_workgroups[3u * number + 2u] = 1u;
 }
 
-// Gives a tile its place, and takes that from the one that had it.
-fn entry_place(number: u32, tile: EntryTile) {
-    let slot = entry_places[number];
+// Gives a tile its place, and takes that from the one that had it; writes its request.
+fn entry_place(number: u32, tile: EntryTile, part: u32) {
+    let slot = entry_places[entry_owner[number]];
     let before = entry_slots[slot];
-    if before != 0u && texfold_tile_pages[before - 1u] == entry_there(slot) {
-        texfold_tile_pages[before - 1u] = 0u;
+    if part == 0u {
+        if before != 0u && texfold_tile_pages[before - 1u] == entry_there(slot) {
+            texfold_tile_pages[before - 1u] = 0u;
+        }
+        entry_slots[slot] = tile.page + 1u;
+        texfold_tile_pages[tile.page] = entry_there(slot);
     }
-    entry_slots[slot] = tile.page + 1u;
-    texfold_tile_pages[tile.page] = entry_there(slot);
     let source = texfold_tile_textures[tile.texture].source;
-    let stage = texfold_tile_textures[tile.texture].stages + tile.level / 3u;
     entry_plan.requests[number] = TexfoldTileRequest(
         tile.texture,
-        tile.level,
+        tile.level | (part << 8u),
         tile.tile,
-        slot,
-        select(ENTRY_DRAWN | source, stage, source == 0u),
+        entry_there(slot),
+        select(ENTRY_DRAWN | source, entry_stage(tile, part), source == 0u),
     );
     for (var plane = 0u; plane < TEXFOLD_TILE_PLANES; plane += 1u) {
         let place = number * TEXFOLD_TILE_PLANES + plane;
@@ -416,19 +451,26 @@ fn plan_tiles(@builtin(local_invocation_index) thread: u32) {
     let most = workgroupUniformLoad(&entry_count);
     entry_choose(thread, entries, most);
     workgroupBarrier();
+    if thread == 0u {
+        entry_count = entry_share_requests(most);
+    }
+    let requests = workgroupUniformLoad(&entry_count);
     var mine: EntryTile;
-    if thread < most {
-        mine = entry_wanted(entry_chosen[thread]);
-        entry_words[thread] = entry_planned(thread, mine);
+    var part = 0u;
+    if thread < requests {
+        let rank = entry_owner[thread];
+        part = thread - entry_first[rank];
+        mine = entry_wanted(entry_chosen[rank]);
+        entry_words[thread] = entry_planned(thread, mine, part);
     }
     storageBarrier();
     workgroupBarrier();
     if thread == 0u {
-        entry_share_words(most);
+        entry_share_words(requests);
     }
     let count = workgroupUniformLoad(&entry_count);
     if thread < count {
-        entry_place(thread, mine);
+        entry_place(thread, mine, part);
     }
     storageBarrier();
     workgroupBarrier();

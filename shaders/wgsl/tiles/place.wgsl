@@ -13,11 +13,8 @@ fn texfold_tile_source(tile: vec2<u32>, size: vec2<u32>, flags: u32, at: vec2<u3
     return vec2<u32>((wrapped + whole) % whole);
 }
 
-// Column and row of a place's first texel, and its layer, in a pool of layers of `side` texels.
-fn texfold_tile_place(slot: u32, side: u32) -> vec3<u32> {
-    let row = side / TEXFOLD_TILE_SIDE;
-    return vec3<u32>(
-        vec2<u32>(slot % row, slot / row % row) * TEXFOLD_TILE_SIDE,
-        slot / (row * row),
-    );
+// Column and row of a place's first texel, and its first layer: of what pages hold.
+fn texfold_tile_place(page: u32) -> vec3<u32> {
+    let corner = vec2<u32>(page & 255u, (page >> 8u) & 255u) * TEXFOLD_TILE_SIDE;
+    return vec3<u32>(corner, (page >> 16u) & 0x7fffu);
 }

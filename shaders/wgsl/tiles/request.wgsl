@@ -32,18 +32,19 @@ struct TexfoldTileStage {
     average: u32,
 }
 
-// A tile to decode.
+// A tile to decode: one of the images that it is decoded from, which follow one another.
 struct TexfoldTileRequest {
     texture: u32,
+    // The level; behind 8 bits the number of the image.
     level: u32,
     tile: vec2<u32>,
-    // Its place in the pool.
-    slot: u32,
+    // Its place in the pool, as pages hold it.
+    place: u32,
     // Number of its stage; with the highest bit, of the pass that draws it.
     stage: u32,
 }
 
-// All tiles of an update.
+// All tiles of an update, each as many times as it has images.
 struct TexfoldTilePlan {
     count: u32,
     // Words of scratch memory that they take.

@@ -18,7 +18,7 @@ const TEXFOLD_TILE_STRIDE: u32 = TEXFOLD_STRIDE;
 // Colours of the textures that a pipeline draws: 0 for values, 1 for sRGB, 2 for both.
 override TEXFOLD_TILE_COLOURS: u32 = 2u;
 
-// A lookup of one texture.
+// A lookup of one texture or material.
 struct TexfoldTileLookup {
     texture: u32,
     // Columns and rows of level 0.
@@ -36,6 +36,33 @@ struct TexfoldTileLookup {
     is_stretched: bool,
     // Whether this lookup marks the tiles that it reads.
     is_marked: bool,
+    // The level, and the share of the next coarser one.
+    level: u32,
+    share: f32,
+}
+
+// Where a level's texels lie in the pool, or those of the finest coarser level that is there.
+struct TexfoldTileFound {
+    at: vec2<f32>,
+    // The first of its layers.
+    layer: u32,
+    // Changes across a pixel.
+    across: vec2<f32>,
+    down: vec2<f32>,
+}
+
+// All maps of a material. Those that it lacks are 1, so that a renderer's own factors apply, and (0, 0, 1) for normals.
+struct TexfoldTileMaterial {
+    // Base colour, in linear light where the cache has it so, and opacity.
+    color: vec4<f32>,
+    // In tangent space, from -1 to 1; shorter than 1 between normals that differ.
+    normal: vec3<f32>,
+    height: f32,
+    // As the base colour.
+    emissive: vec3<f32>,
+    occlusion: f32,
+    roughness: f32,
+    metalness: f32,
 }
 
 // Marks a tile as looked at, and asks for it where it is missing and can be decoded.
@@ -51,8 +78,8 @@ fn texfold_tile_mark(lookup: TexfoldTileLookup, level: u32, tile: vec2<u32>, pag
     }
 }
 
-// A level's colour, or that of the finest coarser one that is there.
-fn texfold_tile_filtered(lookup: TexfoldTileLookup, level: u32) -> vec4<f32> {
+// Finds a level, or the finest coarser one that is there.
+fn texfold_tile_find(lookup: TexfoldTileLookup, level: u32) -> TexfoldTileFound {
     // The loop looks for a place alone: software renderers run what stands in a loop once more than it takes. Integers are not divided, which
     // these do lane by lane.
     var place = 0u;
@@ -86,23 +113,36 @@ fn texfold_tile_filtered(lookup: TexfoldTileLookup, level: u32) -> vec4<f32> {
         corner = vec2<u32>(place & 255u, (place >> 8u) & 255u) * (TEXFOLD_TILE_SIDE / 2u)
             + texfold_tile_tail_place(found - lookup.tail);
     }
-    let side = f32(textureDimensions(texfold_tile_pool).x);
-    let uv = (vec2<f32>(corner) + inner) / side;
-    let layer = (place >> 16u) & 0x7fffu;
+    let scale = 1.0 / f32(textureDimensions(texfold_tile_pool).x);
+    return TexfoldTileFound(
+        (vec2<f32>(corner) + inner) * scale,
+        (place >> 16u) & 0x7fffu,
+        lookup.across * size * scale,
+        lookup.down * size * scale,
+    );
+}
+
+// Values of a layer of what was found.
+fn texfold_tile_values(found: TexfoldTileFound, layer: u32, is_stretched: bool) -> vec4<f32> {
+    let slice = found.layer + layer;
+    if TEXFOLD_TILE_ANISOTROPY > 1.0 && is_stretched {
+        return textureSampleGrad(texfold_tile_pool, texfold_tile_sampler, found.at, slice, found.across, found.down);
+    }
+    return textureSampleLevel(texfold_tile_pool, texfold_tile_sampler, found.at, slice, 0.0);
+}
+
+// Colours of a layer of what was found: values, or those of sRGB in linear light.
+fn texfold_tile_colours(lookup: TexfoldTileLookup, found: TexfoldTileFound, layer: u32) -> vec4<f32> {
     let is_srgb = TEXFOLD_TILE_COLOURS == 1u
         || (TEXFOLD_TILE_COLOURS == 2u && (lookup.flags & TEXFOLD_TILE_SRGB) != 0u);
+    if !is_srgb {
+        return texfold_tile_values(found, layer, lookup.is_stretched);
+    }
+    let slice = found.layer + layer;
     if TEXFOLD_TILE_ANISOTROPY > 1.0 && lookup.is_stretched {
-        let across = lookup.across * size / side;
-        let down = lookup.down * size / side;
-        if is_srgb {
-            return textureSampleGrad(texfold_tile_pool_srgb, texfold_tile_sampler, uv, layer, across, down);
-        }
-        return textureSampleGrad(texfold_tile_pool, texfold_tile_sampler, uv, layer, across, down);
+        return textureSampleGrad(texfold_tile_pool_srgb, texfold_tile_sampler, found.at, slice, found.across, found.down);
     }
-    if is_srgb {
-        return textureSampleLevel(texfold_tile_pool_srgb, texfold_tile_sampler, uv, layer, 0.0);
-    }
-    return textureSampleLevel(texfold_tile_pool, texfold_tile_sampler, uv, layer, 0.0);
+    return textureSampleLevel(texfold_tile_pool_srgb, texfold_tile_sampler, found.at, slice, 0.0);
 }
 
 // Whether a pixel marks what it reads: about one of each square does, another one in each frame. Pixels are told apart by the texels
@@ -114,13 +154,16 @@ fn texfold_tile_marks(size: vec2<f32>, at: vec2<f32>, lod: f32) -> bool {
     return pixel.x == turn % TEXFOLD_TILE_STRIDE && pixel.y == turn / TEXFOLD_TILE_STRIDE;
 }
 
-// The colour at texture coordinates on a level with a fraction, of a footprint with these changes across a pixel.
-fn texfold_tile_lookup(texture: u32, uv: vec2<f32>, lod: f32, across: vec2<f32>, down: vec2<f32>) -> vec4<f32> {
+// A lookup at texture coordinates on a level with a fraction, of a footprint with these changes across a pixel, of a texture of `levels`.
+fn texfold_tile_lookup(
+    texture: u32,
+    uv: vec2<f32>,
+    lod: f32,
+    across: vec2<f32>,
+    down: vec2<f32>,
+    levels: u32,
+) -> TexfoldTileLookup {
     let shape = texfold_tile_textures[texture].shape;
-    let levels = texfold_tile_levels(shape);
-    if levels == 0u {
-        return vec4<f32>(0.0);
-    }
     var lookup: TexfoldTileLookup;
     lookup.texture = texture;
     lookup.size = texfold_tile_textures[texture].size;
@@ -134,30 +177,109 @@ fn texfold_tile_lookup(texture: u32, uv: vec2<f32>, lod: f32, across: vec2<f32>,
     lookup.is_stretched = any(across != vec2<f32>(0.0)) || any(down != vec2<f32>(0.0));
     lookup.is_marked = texfold_tile_marks(vec2<f32>(lookup.size), lookup.at, lod);
     let fine = clamp(lod + texfold_tile_feedback.bias, 0.0, f32(levels - 1u));
-    let level = u32(fine);
-    let share = fract(fine);
-    let colour = texfold_tile_filtered(lookup, level);
-    if share == 0.0 {
-        return colour;
-    }
-    return mix(colour, texfold_tile_filtered(lookup, level + 1u), share);
+    lookup.level = u32(fine);
+    lookup.share = fract(fine);
+    return lookup;
 }
 
-// The colour at texture coordinates on a level with a fraction, without anisotropy.
-fn texfold_tile_sample_level(texture: u32, uv: vec2<f32>, lod: f32) -> vec4<f32> {
-    return texfold_tile_lookup(texture, uv, lod, vec2<f32>(0.0), vec2<f32>(0.0));
-}
-
-// The colour at texture coordinates that change by so much across a pixel.
-fn texfold_tile_sample_grad(texture: u32, uv: vec2<f32>, across: vec2<f32>, down: vec2<f32>) -> vec4<f32> {
+// The level, with a fraction, of texture coordinates that change by so much across a pixel.
+fn texfold_tile_lod(texture: u32, across: vec2<f32>, down: vec2<f32>) -> f32 {
     let size = vec2<f32>(texfold_tile_textures[texture].size);
     let one = length(across * size);
     let other = length(down * size);
     let extent = max(min(one, other), max(one, other) / TEXFOLD_TILE_ANISOTROPY);
-    return texfold_tile_lookup(texture, uv, log2(max(extent, 1e-6)), across, down);
+    return log2(max(extent, 1e-6));
+}
+
+// The colour of a lookup.
+fn texfold_tile_filtered(texture: u32, uv: vec2<f32>, lod: f32, across: vec2<f32>, down: vec2<f32>) -> vec4<f32> {
+    let levels = texfold_tile_levels(texfold_tile_textures[texture].shape);
+    if levels == 0u {
+        return vec4<f32>(0.0);
+    }
+    let lookup = texfold_tile_lookup(texture, uv, lod, across, down, levels);
+    let colour = texfold_tile_colours(lookup, texfold_tile_find(lookup, lookup.level), TEXFOLD_TILE_COLOUR);
+    if lookup.share == 0.0 {
+        return colour;
+    }
+    let coarse = texfold_tile_find(lookup, lookup.level + 1u);
+    return mix(colour, texfold_tile_colours(lookup, coarse, TEXFOLD_TILE_COLOUR), lookup.share);
+}
+
+// The maps of a lookup of a material: one search for the tiles of all.
+fn texfold_tile_maps(texture: u32, uv: vec2<f32>, lod: f32, across: vec2<f32>, down: vec2<f32>) -> TexfoldTileMaterial {
+    var colour = vec4<f32>(1.0);
+    var normal = vec4<f32>(0.5, 0.5, 1.0, 1.0);
+    var packed = vec4<f32>(1.0);
+    var emissive = vec4<f32>(1.0);
+    let levels = texfold_tile_levels(texfold_tile_textures[texture].shape);
+    if levels > 0u {
+        let lookup = texfold_tile_lookup(texture, uv, lod, across, down, levels);
+        let parts = texfold_tile_textures[texture].parts;
+        let fine = texfold_tile_find(lookup, lookup.level);
+        var coarse = fine;
+        if lookup.share > 0.0 {
+            coarse = texfold_tile_find(lookup, lookup.level + 1u);
+        }
+        if texfold_tile_has(parts, TEXFOLD_TILE_COLOUR) {
+            let other = texfold_tile_colours(lookup, coarse, TEXFOLD_TILE_COLOUR);
+            colour = mix(texfold_tile_colours(lookup, fine, TEXFOLD_TILE_COLOUR), other, lookup.share);
+        }
+        if texfold_tile_has(parts, TEXFOLD_TILE_NORMAL) {
+            let other = texfold_tile_values(coarse, TEXFOLD_TILE_NORMAL, lookup.is_stretched);
+            normal = mix(texfold_tile_values(fine, TEXFOLD_TILE_NORMAL, lookup.is_stretched), other, lookup.share);
+        }
+        if texfold_tile_has(parts, TEXFOLD_TILE_PACKED) {
+            let other = texfold_tile_values(coarse, TEXFOLD_TILE_PACKED, lookup.is_stretched);
+            packed = mix(texfold_tile_values(fine, TEXFOLD_TILE_PACKED, lookup.is_stretched), other, lookup.share);
+        }
+        if texfold_tile_has(parts, TEXFOLD_TILE_EMISSIVE) {
+            let other = texfold_tile_colours(lookup, coarse, TEXFOLD_TILE_EMISSIVE);
+            emissive = mix(texfold_tile_colours(lookup, fine, TEXFOLD_TILE_EMISSIVE), other, lookup.share);
+        }
+    }
+    return TexfoldTileMaterial(
+        colour,
+        normal.xyz * 2.0 - 1.0,
+        min(normal.w, packed.w),
+        emissive.xyz,
+        packed.x,
+        packed.y,
+        packed.z,
+    );
+}
+
+// The colour at texture coordinates on a level with a fraction, without anisotropy.
+fn texfold_tile_sample_level(texture: u32, uv: vec2<f32>, lod: f32) -> vec4<f32> {
+    return texfold_tile_filtered(texture, uv, lod, vec2<f32>(0.0), vec2<f32>(0.0));
+}
+
+// The colour at texture coordinates that change by so much across a pixel.
+fn texfold_tile_sample_grad(texture: u32, uv: vec2<f32>, across: vec2<f32>, down: vec2<f32>) -> vec4<f32> {
+    return texfold_tile_filtered(texture, uv, texfold_tile_lod(texture, across, down), across, down);
 }
 
 // The colour at texture coordinates.
 fn texfold_tile_sample(texture: u32, uv: vec2<f32>) -> vec4<f32> {
     return texfold_tile_sample_grad(texture, uv, dpdx(uv), dpdy(uv));
+}
+
+// All maps of a material at texture coordinates on a level with a fraction, without anisotropy.
+fn texfold_tile_sample_material_level(material: u32, uv: vec2<f32>, lod: f32) -> TexfoldTileMaterial {
+    return texfold_tile_maps(material, uv, lod, vec2<f32>(0.0), vec2<f32>(0.0));
+}
+
+// All maps of a material at texture coordinates that change by so much across a pixel.
+fn texfold_tile_sample_material_grad(
+    material: u32,
+    uv: vec2<f32>,
+    across: vec2<f32>,
+    down: vec2<f32>,
+) -> TexfoldTileMaterial {
+    return texfold_tile_maps(material, uv, texfold_tile_lod(material, across, down), across, down);
+}
+
+// All maps of a material at texture coordinates.
+fn texfold_tile_sample_material(material: u32, uv: vec2<f32>) -> TexfoldTileMaterial {
+    return texfold_tile_sample_material_grad(material, uv, dpdx(uv), dpdy(uv));
 }

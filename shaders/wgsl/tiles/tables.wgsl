@@ -18,6 +18,22 @@ const TEXFOLD_TILE_CLAMP: u32 = 2u;
 // Of one whose tail alone is held: tiles are marked and not decoded.
 const TEXFOLD_TILE_COARSE: u32 = 4u;
 
+// The layers of a material's tile, from that of its place on: base colour with opacity; normals with height; occlusion, roughness and
+// metalness, with height where there are no normals; emitted light.
+const TEXFOLD_TILE_COLOUR: u32 = 0u;
+const TEXFOLD_TILE_NORMAL: u32 = 1u;
+const TEXFOLD_TILE_PACKED: u32 = 2u;
+const TEXFOLD_TILE_EMISSIVE: u32 = 3u;
+
+// The images that a texture's tiles are decoded from, at most eight.
+struct TexfoldTileParts {
+    // Of each in 4 bits, from the lowest on: 4 times its layer, and its first channel.
+    channels: u32,
+    // How many, 0 standing for one; behind 4 bits one for each layer that any of them fills, behind 8 bits one for each that has a single
+    // channel.
+    shape: u32,
+}
+
 // A texture: texfold_gpu::tiles::TextureRow.
 struct TexfoldTileTexture {
     // Columns and rows of level 0.
@@ -31,7 +47,8 @@ struct TexfoldTileTexture {
     stages: u32,
     // 0 for superblocks; from 1 on the number of the pass that draws its tiles.
     source: u32,
-    reserved: vec2<u32>,
+    // Images that its tiles are decoded from: of a material its maps, each into channels of a layer, else one.
+    parts: TexfoldTileParts,
     // For each level the number of the page of its first tile, and columns of tiles; pages are row by row.
     levels: array<vec2<u32>, 12>,
 }
@@ -63,6 +80,22 @@ fn texfold_tile_levels(shape: u32) -> u32 {
 // The first level of its tail.
 fn texfold_tile_tail(shape: u32) -> u32 {
     return (shape >> 8u) & 255u;
+}
+
+// Images that its tiles are decoded from.
+fn texfold_tile_parts(parts: TexfoldTileParts) -> u32 {
+    return max(parts.shape & 15u, 1u);
+}
+
+// The layer of an image's texels, and their first channel.
+fn texfold_tile_part(parts: TexfoldTileParts, part: u32) -> vec2<u32> {
+    let place = (parts.channels >> (4u * part)) & 15u;
+    return vec2<u32>(place >> 2u, place & 3u);
+}
+
+// Whether an image fills a layer.
+fn texfold_tile_has(parts: TexfoldTileParts, layer: u32) -> bool {
+    return ((parts.shape >> (4u + layer)) & 1u) == 1u;
 }
 
 // Its flags.

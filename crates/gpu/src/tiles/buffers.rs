@@ -3,7 +3,7 @@
 use wgpu::{Buffer, BufferUsages};
 
 use super::rows::{FEEDBACK_BYTES, PLAN_BYTES, PLANES, StageRow, TextureRow};
-use super::{MOST_STAGES, TileOptions, row_bytes};
+use super::{TileOptions, row_bytes};
 use crate::Gpu;
 
 /// Buffers of a cache.
@@ -32,14 +32,13 @@ impl Buffers {
         };
         let none = BufferUsages::empty();
         let pages = 4 * u64::from(options.pages);
-        let stages = options.textures.saturating_mul(MOST_STAGES);
         let dispatches = 12 * u64::from(3 + PLANES + options.textures);
         Buffers {
             textures: buffer("textures of tiles", row_bytes::<TextureRow>(options.textures), none),
             pages: buffer("pages of tiles", pages, none),
             feedback: buffer("feedback of tiles", FEEDBACK_BYTES + pages, BufferUsages::COPY_SRC),
             slots: buffer("places of tiles", 4 * u64::from(slots), none),
-            stages: buffer("stages of tiles", row_bytes::<StageRow>(stages), none),
+            stages: buffer("stages of tiles", row_bytes::<StageRow>(options.most_stages()), none),
             plan: buffer("plan of tiles", PLAN_BYTES, none),
             workgroups: buffer("workgroups of tiles", dispatches, BufferUsages::INDIRECT),
             scratch: buffer("scratch of tiles", options.scratch_bytes, none),

@@ -18,6 +18,7 @@
 
 mod buffers;
 mod options;
+mod parts;
 mod pipelines;
 mod rows;
 mod share;
@@ -37,7 +38,8 @@ use wgpu::{BindingResource, BindingType, BufferUsages, CommandEncoder, Extent3d,
 use crate::upload::PLAIN_MODULE;
 use crate::{AddressMode, Gpu, GpuError, GpuTexture, compute};
 use buffers::Buffers;
-pub use options::{TileLook, TileOptions, TileReport, TileTexture};
+pub use options::{TileContents, TileLook, TileOptions, TileReport, TileTexture};
+use parts::Part;
 use pipelines::{Drawn, Pipelines, Resources, STEP_STRIDE, Source};
 use rows::{
     CLAMP, COARSE, FEEDBACK_BYTES, INNER, MOST_LEVELS, MOST_TILES, PLANES, SIDE, SRGB, StageRow, TextureRow,
@@ -51,8 +53,6 @@ pub use watch::{TileUse, TileWatch};
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// Texels along a side of a quarter of a tile, which holds a tail.
 const QUARTER: u32 = SIDE / 2;
-/// Stages that have tiles of a texture of [`MOST_LEVELS`] levels.
-const MOST_STAGES: u32 = (MOST_LEVELS as u32).div_ceil(3);
 /// A place of the pool that holds tails.
 const KEPT: u32 = u32::MAX;
 /// Largest anisotropy: half of such a footprint, and half a texel of filtering, lie within a tile's border.
@@ -138,7 +138,7 @@ impl TileCache {
         };
         let limits = gpu.device.limits();
         let [side, layers] = pool_size(&options, limits.max_texture_array_layers);
-        let slots = (side / SIDE).pow(2) * layers;
+        let slots = (side / SIDE).pow(2) * (layers / options.contents.layers());
         if options.textures.div_ceil(4) > slots / 2 {
             let what = "the smallest levels of so many textures would fill half of the pool";
             return Err(GpuError::TilesFull { what, option: "pool_bytes" });
@@ -167,7 +167,7 @@ impl TileCache {
 
     fn made(gpu: &Gpu, options: TileOptions, [side, layers]: [u32; 2]) -> TileCache {
         let pool = pool(&gpu.device, [side, layers]);
-        let slots = (side / SIDE).pow(2) * layers;
+        let slots = (side / SIDE).pow(2) * (layers / options.contents.layers());
         let tails = options.textures.div_ceil(4);
         let buffers = Buffers::new(gpu, &options, slots);
         let binding_bytes = gpu.device.limits().max_storage_buffer_binding_size;
@@ -175,9 +175,10 @@ impl TileCache {
         // Places in buffers are 32 bits.
         let scratch_words = (options.scratch_bytes / 4).min(u64::from(u32::MAX));
         let sources = options.textures;
-        // Behind four numbers that WGSL aligns to the next: columns, and what fills the block.
-        let settings = [slots, options.tiles_per_update, scratch_words as u32, sources, side / SIDE];
-        let settings: Vec<u32> = settings.into_iter().chain([0; 7]).collect();
+        let per_layer = side / SIDE;
+        let layers = options.contents.layers();
+        let settings =
+            [slots, options.tiles_per_update, scratch_words as u32, sources, per_layer, layers, 0, 0];
         let settings = gpu.buffer("options of tiles", bytemuck::cast_slice(&settings), BufferUsages::UNIFORM);
         let mut steps = Vec::new();
         for step in (0..PLANES).map(|plane| [plane, 0, 0]).chain(streams.steps()) {
@@ -220,7 +221,7 @@ impl TileCache {
         TileCache {
             held: (0..options.textures).map(|_| None).collect(),
             pages: RangeAllocator::new(0..options.pages),
-            stages: RangeAllocator::new(0..options.textures.saturating_mul(MOST_STAGES)),
+            stages: RangeAllocator::new(0..options.most_stages()),
             streams,
             options,
             pipelines,
@@ -323,12 +324,11 @@ impl TileCache {
     ) -> Result<Vec<TileTexture>, GpuError> {
         let mut added = Vec::new();
         for image in 0..source.texture.layout().images.len() as u32 {
-            let free = self.held.iter().position(Option::is_none);
-            let full = GpuError::TilesFull { what: "all textures are in use", option: "textures" };
             let map = source.texture.layout().maps.get(image as usize);
             let is_color = map.is_none_or(|map| map.pixel.color == ColorSpace::Srgb);
             let look = TileLook { srgb: look.srgb && is_color, ..look };
-            let put = free.ok_or(full).and_then(|index| self.put(gpu, source, image, (index, look)));
+            let index = self.free_index();
+            let put = index.and_then(|index| self.put(gpu, source, &[Part::whole(image)], (index, look)));
             match put {
                 Ok(texture) => added.push(texture),
                 Err(error) => {
@@ -338,6 +338,16 @@ impl TileCache {
             }
         }
         Ok(added)
+    }
+
+    fn free_index(&self) -> Result<usize, GpuError> {
+        let full = GpuError::TilesFull { what: "all textures are in use", option: "textures" };
+        self.held.iter().position(Option::is_none).ok_or(full)
+    }
+
+    /// Layers of the pool that a tile takes.
+    fn layers(&self) -> u32 {
+        self.options.contents.layers()
     }
 
     /// Puts another texture in the place of one that [`TileCache::add`] returned as `textures`, under the same numbers: a file of which more
@@ -358,31 +368,47 @@ impl TileCache {
             let held = self.held.get(replaced.0 as usize).and_then(Option::as_ref);
             let look = held.filter(|_| (image as usize) < sizes).map(|held| held.look);
             let look = look.ok_or(GpuError::NoSuchImage { image, images: sizes })?;
-            self.put(gpu, &source, image, (replaced.0 as usize, look))?;
+            let at = (replaced.0 as usize, look);
+            if held.is_some_and(|held| held.row.parts != parts::row(&[Part::whole(image)])) {
+                let (parts, _) = parts::of_material(texture.layout(), self.layers())?;
+                self.put(gpu, &source, &parts, at)?;
+            } else {
+                self.put(gpu, &source, &[Part::whole(image)], at)?;
+            }
         }
         Ok(())
     }
 
-    /// Puts an image under a number, in place of the one that has it.
+    /// Puts images of one size, whose tiles lie over one another, under a number, in place of what has it.
     fn put(
         &mut self,
         gpu: &Gpu,
         source: &TileSource<'_>,
-        image: u32,
+        parts: &[Part],
         (index, look): (usize, TileLook),
     ) -> Result<TileTexture, GpuError> {
         let TileSource { texture, stages, uploaded, is_coarse } = source;
         let layout = texture.layout();
+        let [Part { image, .. }, ..] = *parts else { return Err(GpuError::Form { what: "no image" }) };
         let size = layout.images[image as usize];
         let tail = tail_of(size);
         let levels = layout.levels.min(size.full_levels());
         let own = levels.min(tail);
-        let drawn: Vec<&GpuDct<'_>> = stages_of(stages, image, own).collect();
-        if own as usize > MOST_LEVELS || (0..).zip(&drawn).any(|(number, stage)| stage.level != 3 * number) {
-            return Err(GpuError::Form { what: "an image is larger, or cut otherwise, than tiles expect" });
+        let mut drawn: Vec<&GpuDct<'_>> = Vec::new();
+        let mut words = 0;
+        for (number, part) in parts.iter().enumerate() {
+            let before = drawn.len();
+            drawn.extend(stages_of(stages, part.image, own));
+            let added = &drawn[before..];
+            let is_cut = (0..).zip(added).all(|(number, stage)| stage.level == 3 * number);
+            if own as usize > MOST_LEVELS || !is_cut || before != number * added.len() {
+                return Err(GpuError::Form {
+                    what: "an image is larger, or cut otherwise, than tiles expect",
+                });
+            }
+            let most = added.iter().map(|stage| StageRow::most_words(stage, stage.levels - 1)).max();
+            words += most.unwrap_or(0);
         }
-        let words =
-            drawn.iter().map(|stage| StageRow::most_words(stage, stage.levels - 1)).max().unwrap_or(0);
         if words + u64::from(texfold_shaders::BLOCK_WORDS) > self.scratch_words {
             let what = "a tile of this texture needs more scratch memory";
             return Err(GpuError::TilesFull { what, option: "scratch_bytes" });
@@ -399,13 +425,14 @@ impl TileCache {
             shape: bytes_and_half([levels, tail.first, flags]),
             tail: bytes_and_half(tail.place),
             source,
+            parts: parts::row(parts),
             ..row
         };
         let written = gpu.guarded(|| {
             held.source =
                 uploaded.as_ref().map(|texture| self.source(gpu, texture, image, number)).transpose()?;
             self.write_stages(gpu, &drawn, &held)?;
-            self.write_tail(gpu, (*texture, image), &tail, (levels, flags));
+            self.write_tail(gpu, (*texture, parts), &tail, (levels, flags));
             held.row = row;
             self.write_row(gpu, index, &row);
             Ok(())
@@ -648,7 +675,8 @@ fn pool_size(options: &TileOptions, most_layers: u32) -> [u32; 2] {
         _ => 2048,
     };
     let layers = options.pool_bytes / (4 * u64::from(side) * u64::from(side));
-    [side, (layers.min(u64::from(most_layers)) as u32).max(1)]
+    let each = options.contents.layers();
+    [side, ((layers.min(u64::from(most_layers)) as u32) / each).max(1) * each]
 }
 
 /// Bytes of so many rows.

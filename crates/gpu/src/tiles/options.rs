@@ -1,12 +1,13 @@
 //! Sizes of a cache, looks of textures and what an update reports.
 
-use super::rows::MOST_TILES;
+use super::parts::MOST_PARTS;
+use super::rows::{MOST_LEVELS, MOST_TILES};
 use crate::AddressMode;
 
 /// Sizes of a cache.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TileOptions {
-    /// Bytes of decoded tiles, 64 KiB each. Rounded down to whole layers, of 1, 4 or 16 MiB.
+    /// Bytes of decoded tiles, 64 KiB each, of materials 192 or 256. Rounded down to whole layers, of 1, 4 or 16 MiB.
     pub pool_bytes: u64,
     /// Bytes of compressed streams and of what decodes them, 16 kB a stage of three mip levels; at most 4 GiB. The latter, and the streams of
     /// a stage, must fit one binding of the device.
@@ -24,6 +25,8 @@ pub struct TileOptions {
     /// Of a square of so many pixels a side one marks, in each frame, the tiles that it reads: 1, 2, 4 or 8. Where fewer pixels of a tile
     /// are seen it may be marked `stride` * `stride` frames later.
     pub stride: u32,
+    /// Textures, or materials with all maps of a tile together.
+    pub contents: TileContents,
 }
 
 impl Default for TileOptions {
@@ -37,6 +40,40 @@ impl Default for TileOptions {
             scratch_bytes: 32 << 20,
             anisotropy: 4,
             stride: 8,
+            contents: TileContents::Textures,
+        }
+    }
+}
+
+impl TileOptions {
+    /// Stages of all textures.
+    pub(super) fn most_stages(&self) -> u32 {
+        let images = if self.contents == TileContents::Textures { 1 } else { MOST_PARTS };
+        self.textures.saturating_mul(images * (MOST_LEVELS as u32).div_ceil(3))
+    }
+}
+
+/// Contents of a cache, which decide on the layers of the pool that a tile takes. Textures may lie among materials, in as many layers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum TileContents {
+    /// Textures, each looked up by itself: one layer a tile.
+    #[default]
+    Textures,
+    /// Materials ([`TileCache::add_material`](crate::TileCache::add_material)).
+    Materials {
+        /// Whether any emits light: four layers a tile, else three.
+        emissive: bool,
+    },
+}
+
+impl TileContents {
+    /// Layers of the pool that a tile takes.
+    #[must_use]
+    pub fn layers(self) -> u32 {
+        match self {
+            TileContents::Textures => 1,
+            TileContents::Materials { emissive } => 3 + u32::from(emissive),
         }
     }
 }

@@ -57,9 +57,19 @@ pub(super) struct TextureRow {
     pub(super) tail: u32,
     pub(super) stages: u32,
     pub(super) source: u32,
-    pub(super) reserved: [u32; 2],
+    pub(super) parts: PartsRow,
     /// First page and columns of tiles of each level.
     pub(super) levels: [[u32; 2]; MOST_LEVELS],
+}
+
+/// The images that a texture's tiles are decoded from; all zeros for one.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct PartsRow {
+    /// Of each in 4 bits, from the lowest on: 4 times its layer, and its first channel.
+    pub(super) channels: u32,
+    /// How many; behind 4 bits one for each layer that any fills, behind 8 bits one for each that has a single channel.
+    pub(super) shape: u32,
 }
 
 /// A stage in superblocks.

@@ -3,6 +3,7 @@
 use texfold_core::{Encoded, Image2d, ImageAddress, ImageSize, Rect, Texel};
 use wgpu::Extent3d;
 
+use super::parts::Part;
 use super::rows::{self, CLAMP, SIDE, tail_place};
 use super::{QUARTER, TileCache};
 use crate::Gpu;
@@ -22,8 +23,8 @@ impl TileCache {
     pub(super) fn tail_of(&self, index: u32, levels: u32, first: u32) -> Tail {
         let side = self.pool.width() / SIDE;
         let slot = index / 4;
-        let place =
-            [2 * (slot % side) + index % 2, 2 * (slot / side % side) + index / 2 % 2, slot / (side * side)];
+        let layer = slot / (side * side) * self.layers();
+        let place = [2 * (slot % side) + index % 2, 2 * (slot / side % side) + index / 2 % 2, layer];
         Tail { place, first, levels }
     }
 
@@ -31,34 +32,53 @@ impl TileCache {
     pub(super) fn write_tail(
         &self,
         gpu: &Gpu,
-        (texture, image): (&dyn Encoded<Domain = Image2d>, u32),
+        (texture, parts): (&dyn Encoded<Domain = Image2d>, &[Part]),
         tail: &Tail,
-        (levels, flags): (u32, u32),
+        shape: (u32, u32),
     ) {
-        let size = texture.layout().images[image as usize];
-        let mut texels = vec![[0u8; 4]; (QUARTER * QUARTER) as usize];
-        for level in tail.first..tail.levels {
-            let ImageSize { width, height } = size.at_level(level);
-            let decoded = decoded(texture, image, (level, levels), size);
-            let [left, top] = tail_place(level - tail.first);
-            let border = rows::BORDER as i32;
-            for y in -border..height as i32 + border {
-                for x in -border..width as i32 + border {
-                    let [column, row] = [addressed(x, width, flags), addressed(y, height, flags)];
-                    let place = (top as i32 + y) * QUARTER as i32 + left as i32 + x;
-                    texels[place as usize] = decoded[(row * width + column) as usize];
-                }
+        let images: Vec<_> = parts.iter().map(|part| tail_texels(texture, part.image, tail, shape)).collect();
+        let [column, row, first] = tail.place;
+        for layer in 0..self.layers() {
+            let mut texels = vec![[255u8; 4]; (QUARTER * QUARTER) as usize];
+            parts.iter().zip(&images).for_each(|(part, image)| part.fill(layer, &mut texels, image));
+            let origin = wgpu::Origin3d { x: column * QUARTER, y: row * QUARTER, z: first + layer };
+            gpu.queue.write_texture(
+                wgpu::TexelCopyTextureInfo { origin, ..self.pool.as_image_copy() },
+                texels.as_flattened(),
+                wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(4 * QUARTER),
+                    rows_per_image: None,
+                },
+                Extent3d { width: QUARTER, height: QUARTER, depth_or_array_layers: 1 },
+            );
+        }
+    }
+}
+
+/// The texels of an image's tail, of a quarter of a tile.
+fn tail_texels(
+    texture: &dyn Encoded<Domain = Image2d>,
+    image: u32,
+    tail: &Tail,
+    (levels, flags): (u32, u32),
+) -> Vec<[u8; 4]> {
+    let size = texture.layout().images[image as usize];
+    let mut texels = vec![[0u8; 4]; (QUARTER * QUARTER) as usize];
+    for level in tail.first..tail.levels {
+        let ImageSize { width, height } = size.at_level(level);
+        let decoded = decoded(texture, image, (level, levels), size);
+        let [left, top] = tail_place(level - tail.first);
+        let border = rows::BORDER as i32;
+        for y in -border..height as i32 + border {
+            for x in -border..width as i32 + border {
+                let [column, row] = [addressed(x, width, flags), addressed(y, height, flags)];
+                let place = (top as i32 + y) * QUARTER as i32 + left as i32 + x;
+                texels[place as usize] = decoded[(row * width + column) as usize];
             }
         }
-        let [column, row, layer] = tail.place;
-        let origin = wgpu::Origin3d { x: column * QUARTER, y: row * QUARTER, z: layer };
-        gpu.queue.write_texture(
-            wgpu::TexelCopyTextureInfo { origin, ..self.pool.as_image_copy() },
-            texels.as_flattened(),
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * QUARTER), rows_per_image: None },
-            Extent3d { width: QUARTER, height: QUARTER, depth_or_array_layers: 1 },
-        );
     }
+    texels
 }
 
 /// The column or row of an image of `size` of them that one outside of it repeats.

@@ -11,12 +11,14 @@ mod scene;
 use std::error::Error;
 use std::time::{Duration, Instant};
 
-use glam::{Mat4, Vec3};
+use glam::{Mat4, Vec3, Vec4};
 use scene::{Quad, Scene, camera};
-use texfold::core::image::{ColorSpace, ImageSet, Raster};
+use texfold::core::image::{Alpha, ColorSpace, Depth, ImageSet, MapKind, PixelInfo, Raster};
 use texfold::core::{ImageSize, PlaneFormat, Rect};
 use texfold::{AnyImage, Choice, Effort, EncodeSettings, Goal, Guidance, Job};
-use texfold_gpu::{DctDecoder, Gpu, Policy, TileCache, TileLook, TileOptions, TileReport, wgpu};
+use texfold_gpu::{
+    DctDecoder, Gpu, GpuError, Policy, TileCache, TileContents, TileLook, TileOptions, TileReport, wgpu,
+};
 
 const SIZE: (u32, u32) = (1920, 1080);
 /// Textures, of which some are drawn and encoded and the others are the same again.
@@ -30,6 +32,51 @@ const SECONDS: f64 = 10.0;
 const DECODED: usize = 8;
 /// Frames before those that count.
 const WARM_UP: Duration = Duration::from_millis(500);
+
+/// Maps of a material.
+const MAPS: u32 = 3;
+
+/// What a rectangle shows of a colour, of normals and of packed data.
+const LIT: &str = "
+fn lit(color: vec3<f32>, normal: vec3<f32>, packed: vec3<f32>) -> vec4<f32> {
+    let light = max(dot(normalize(normal), vec3<f32>(0.48, 0.6, 0.64)), 0.0);
+    return vec4<f32>(color * light * packed.x * (1.0 - packed.z) + light * packed.z * packed.y, 1.0);
+}
+";
+const PLAIN: &str = "
+@group(0) @binding(0) var filtered: sampler;
+@group(0) @binding(1) var color: texture_2d<f32>;
+@fragment
+fn fs(in: Varying) -> @location(0) vec4<f32> {
+    return textureSample(color, filtered, in.uv);
+}
+";
+const PLAIN_MAPS: &str = "
+@group(0) @binding(0) var filtered: sampler;
+@group(0) @binding(1) var color: texture_2d<f32>;
+@group(0) @binding(2) var normal: texture_2d<f32>;
+@group(0) @binding(3) var packed: texture_2d<f32>;
+@fragment
+fn fs(in: Varying) -> @location(0) vec4<f32> {
+    let bent = textureSample(normal, filtered, in.uv).xyz * 2.0 - 1.0;
+    return lit(textureSample(color, filtered, in.uv).xyz, bent, textureSample(packed, filtered, in.uv).xyz);
+}
+";
+const APART: &str = "
+@fragment
+fn fs(in: Varying) -> @location(0) vec4<f32> {
+    let normal = texfold_tile_sample(in.texture + 1u, in.uv).xyz * 2.0 - 1.0;
+    let packed = texfold_tile_sample(in.texture + 2u, in.uv).xyz;
+    return lit(texfold_tile_sample(in.texture, in.uv).xyz, normal, packed);
+}
+";
+const TOGETHER: &str = "
+@fragment
+fn fs(in: Varying) -> @location(0) vec4<f32> {
+    let maps = texfold_tile_sample_material(in.texture, in.uv);
+    return lit(maps.color.xyz, maps.normal, vec3<f32>(maps.occlusion, maps.roughness, maps.metalness));
+}
+";
 
 fn main() -> Result<(), Box<dyn Error>> {
     let gpu = Gpu::new(Policy::from_env())?;
@@ -50,7 +97,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     tiled_frames(&gpu, &superblocks, plain.0)?;
     println!("whole textures: {:.3} gigatexels/s decoded", decoded(&gpu, &superblocks)?);
-    Ok(())
+    material_frames(&gpu)
 }
 
 /// Gigatexels a second of decoding first levels whole, each in one submission, from the first submission to the end of the last.
@@ -88,18 +135,18 @@ fn encode(codec: &str, image: &Raster) -> Result<AnyImage, Box<dyn Error>> {
     Ok(texfold::encode_images(&set, Guidance::default(), &settings, &mut Job::default())?)
 }
 
-/// Prints times of frames from the cache, beside that of plain textures in milliseconds.
-fn tiled_frames(gpu: &Gpu, superblocks: &[AnyImage], plain: f64) -> Result<(), Box<dyn Error>> {
-    let options = TileOptions {
-        pool_bytes: 64 << 20,
-        stream_bytes: 32 << 20,
-        textures: TEXTURES,
-        anisotropy: 1,
-        ..TileOptions::default()
-    };
-    let mut cache = TileCache::new(gpu, &options)?;
-    let textures = fill(gpu, &mut cache, superblocks)?;
-    let scene = Scene::tiled(gpu, &cache, &quads(&textures), SIZE);
+/// Frames of a cache: the textures of a group of its rectangles are drawn with one bind group.
+struct Cached<'c> {
+    name: &'static str,
+    cache: &'c TileCache,
+    scene: Scene,
+    /// Maps of a tile that the report counts once.
+    maps: u32,
+}
+
+/// Prints times of frames from a cache, beside that of plain textures in milliseconds.
+fn cached_frames(gpu: &Gpu, with: &Cached<'_>, plain: f64) -> Result<(), Box<dyn Error>> {
+    let Cached { name, cache, scene, maps } = with;
     let megabytes = cache.bytes() as f64 / 1e6;
     let groups = [cache.bind_group().clone()];
     let frame = |view: Mat4| -> Result<Frame, Box<dyn Error>> {
@@ -113,13 +160,13 @@ fn tiled_frames(gpu: &Gpu, superblocks: &[AnyImage], plain: f64) -> Result<(), B
         let time = frame(still())?;
         let TileReport { decoded, missing, bias } = cache.report(gpu)?;
         all.extend((decoded > 0).then_some(time.update));
-        tiles += decoded;
+        tiles += decoded * maps;
         count += 1;
         if decoded == 0 && missing == 0 && count > 2 || count == 400 {
             let [seconds, longest] = [all.iter().sum(), all.iter().max().copied().unwrap_or_default()]
                 .map(|time: Duration| time.as_secs_f64());
             println!(
-                "all new: {tiles} tiles by {} updates in {:.2} ms, the longest {:.2}, bias {bias}: {:.0} tiles/s, {:.3} gigatexels/s without borders",
+                "{name}, all new: {tiles} tiles by {} updates in {:.2} ms, the longest {:.2}, bias {bias}: {:.0} tiles/s, {:.3} gigatexels/s without borders",
                 all.len(),
                 1e3 * seconds,
                 1e3 * longest,
@@ -129,17 +176,94 @@ fn tiled_frames(gpu: &Gpu, superblocks: &[AnyImage], plain: f64) -> Result<(), B
             break;
         }
     }
-    let row = |name: &str, frames: &Frames| {
-        let new = f64::from(frames.decoded) / frames.times.len() as f64;
+    let row = |what: &str, frames: &Frames| {
+        let new = f64::from(frames.decoded * maps) / frames.times.len() as f64;
         let [whole, update] = [frames.median(Frame::whole), frames.median(|frame| frame.update)];
-        println!("| {name} | {whole:.3} | {update:.3} | {new:.1} | {megabytes:.1} |");
+        println!("| {name}, {what} | {whole:.3} | {update:.3} | {new:.1} | {megabytes:.1} |");
         whole
     };
-    let warm = row("tiles, all there", &frames(|_| Ok((frame(still())?, 0)))?);
+    let warm = row("all there", &frames(|_| Ok((frame(still())?, 0)))?);
     let turning = frames(|number| Ok((frame(turned(number))?, cache.report(gpu)?.decoded)))?;
-    let turning = row("tiles, camera turning", &turning);
+    let turning = row("camera turning", &turning);
     println!("of the plain trilinear draw's speed: {:.2} warm, {:.2} turning", plain / warm, plain / turning);
     Ok(())
+}
+
+/// Prints times of frames of textures in tiles.
+fn tiled_frames(gpu: &Gpu, superblocks: &[AnyImage], plain: f64) -> Result<(), Box<dyn Error>> {
+    let mut cache = TileCache::new(gpu, &options(1))?;
+    let textures = fill(gpu, &mut cache, superblocks)?;
+    let scene = Scene::tiled(gpu, &cache, &quads(&textures), SIZE);
+    cached_frames(gpu, &Cached { name: "tiles", cache: &cache, scene, maps: 1 }, plain)
+}
+
+/// A cache for textures of so many maps.
+fn options(maps: u32) -> TileOptions {
+    TileOptions {
+        pool_bytes: u64::from(maps) << 26,
+        stream_bytes: u64::from(maps) << 25,
+        textures: maps * TEXTURES,
+        anisotropy: 1,
+        ..TileOptions::default()
+    }
+}
+
+/// Prints times of frames of materials of three maps: from plain textures, from tiles of each map by itself, and from tiles of all maps.
+fn material_frames(gpu: &Gpu) -> Result<(), Box<dyn Error>> {
+    let materials = (0..DRAWN).map(material).collect::<Result<Vec<_>, _>>()?;
+    let kept = materials.iter().map(|material| gpu.upload(&material.as_encoded().gpu()));
+    let kept = kept.collect::<Result<Vec<_>, _>>()?;
+    let view = |number: u32, map: u32| kept[(number % DRAWN) as usize].decoded_view(map, map == 0);
+    let plain = plain_draws(gpu, PLAIN_MAPS, MAPS, view)?;
+    println!("| plain RGBA8, three maps | {plain:.3} | | | |");
+
+    let mut cache = TileCache::new(gpu, &options(MAPS))?;
+    let mut textures = Vec::new();
+    for number in 0..TEXTURES {
+        let material = &materials[(number % DRAWN) as usize];
+        let added = cache.add(gpu, material.as_encoded(), TileLook::default())?;
+        textures.extend(added.first().map(|texture| texture.index()));
+    }
+    let shader = [&cache.wgsl(0), APART, LIT].concat();
+    let scene = Scene::new(gpu, &shader, cache.bind_group_layout(), &[], &quads(&textures), SIZE);
+    cached_frames(gpu, &Cached { name: "three maps apart", cache: &cache, scene, maps: 1 }, plain)?;
+
+    let contents = TileContents::Materials { emissive: false };
+    let mut cache = TileCache::new(gpu, &TileOptions { contents, ..options(MAPS) })?;
+    let add = |number: u32| -> Result<u32, Box<dyn Error>> {
+        let material = materials[(number % DRAWN) as usize].as_encoded();
+        Ok(cache.add_material(gpu, material, TileLook::default())?.index())
+    };
+    let textures = (0..TEXTURES).map(add).collect::<Result<Vec<_>, _>>()?;
+    let shader = [&cache.wgsl(0), TOGETHER, LIT].concat();
+    let scene = Scene::new(gpu, &shader, cache.bind_group_layout(), &[], &quads(&textures), SIZE);
+    cached_frames(gpu, &Cached { name: "materials", cache: &cache, scene, maps: MAPS }, plain)
+}
+
+/// A material of land: its colours, normals as if its green were heights, and packed data.
+fn material(number: u32) -> Result<AnyImage, Box<dyn Error>> {
+    let colors = land(number)?;
+    let height = |x: u32, y: u32| colors.texel(x % SIDE, y % SIDE).y;
+    let normal = |x: u32, y: u32| {
+        let slope = Vec3::new(height(x, y) - height(x + 1, y), height(x, y) - height(x, y + 1), 0.5);
+        (0.5 * slope.normalize() + 0.5).extend(1.0)
+    };
+    let packed = |x: u32, y: u32| {
+        let color = colors.texel(x, y);
+        Vec4::new(1.0, 1.0 - 0.5 * color.y, (color.x * 4.0).floor() / 4.0, 1.0)
+    };
+    let of = |color: ColorSpace, texel: &dyn Fn(u32, u32) -> Vec4| {
+        let info = PixelInfo { channels: 3, depth: Depth::Eight, color, alpha: Alpha::Opaque };
+        let texels: Vec<Vec4> = (0..SIDE * SIDE).map(|place| texel(place % SIDE, place / SIDE)).collect();
+        Raster::from_texels(SIDE, SIDE, info, &texels)
+    };
+    let maps = vec![
+        (MapKind::Normal, "normal".to_owned(), of(ColorSpace::Normal, &normal)?),
+        (MapKind::OcclusionRoughnessMetalness, "packed".to_owned(), of(ColorSpace::Linear, &packed)?),
+    ];
+    let base = (MapKind::BaseColor, "color".to_owned(), colors.clone());
+    let images = ImageSet::of_maps([vec![base], maps].concat())?;
+    Ok(texfold::Encode::new(&images).goal(Goal::Bpp(2.0)).effort(Effort::Fast).mips(true).run()?)
 }
 
 /// Land that no other number has.
@@ -185,14 +309,6 @@ fn turned(number: usize) -> Mat4 {
 
 /// Milliseconds of a frame of plain textures with mip levels, and their megabytes.
 fn plain_frames(gpu: &Gpu, textures: &[AnyImage], is_bc7: bool) -> Result<(f64, f64), Box<dyn Error>> {
-    let numbers: Vec<u32> = (0..TEXTURES).collect();
-    let scene = Scene::plain(gpu, &quads(&numbers), SIZE);
-    let sampler = gpu.device().create_sampler(&wgpu::SamplerDescriptor {
-        mag_filter: wgpu::FilterMode::Linear,
-        min_filter: wgpu::FilterMode::Linear,
-        mipmap_filter: wgpu::MipmapFilterMode::Linear,
-        ..Default::default()
-    });
     let mut views = Vec::new();
     let mut kept = Vec::new();
     for texture in textures {
@@ -204,30 +320,61 @@ fn plain_frames(gpu: &Gpu, textures: &[AnyImage], is_bc7: bool) -> Result<(f64, 
             kept.push(uploaded);
         }
     }
-    let layout = scene.layout();
-    let group = |number: &u32| {
-        gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &layout,
-            entries: &[
-                wgpu::BindGroupEntry {
-                    binding: 0,
-                    resource: wgpu::BindingResource::TextureView(&views[*number as usize % views.len()]),
-                },
-                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
-            ],
-        })
-    };
-    let groups: Vec<_> = numbers.iter().map(group).collect();
-    let frames = frames(|_| {
-        let drawing = gpu.measure(|encoder| scene.draw(gpu, encoder, still(), &groups))?;
-        Ok((Frame { drawing, update: Duration::ZERO }, 0))
-    })?;
-    let time = frames.median(Frame::whole);
+    let view = |number: u32, _| Ok(views[number as usize % views.len()].clone());
+    let time = plain_draws(gpu, PLAIN, 1, view)?;
     let bits = if is_bc7 { 8 } else { 32 };
     let size = ImageSize { width: SIDE, height: SIDE };
     let texels: u64 = (0..size.full_levels()).map(|level| size.at_level(level).texels()).sum();
     Ok((time, (u64::from(TEXTURES) * texels * bits / 8) as f64 / 1e6))
+}
+
+/// Milliseconds of a frame of rectangles that are each drawn from so many plain textures.
+fn plain_draws(
+    gpu: &Gpu,
+    fragments: &str,
+    maps: u32,
+    view: impl Fn(u32, u32) -> Result<wgpu::TextureView, GpuError>,
+) -> Result<f64, Box<dyn Error>> {
+    let device = gpu.device();
+    let entry = |(binding, ty)| {
+        let visibility = wgpu::ShaderStages::FRAGMENT;
+        wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None }
+    };
+    let texture = wgpu::BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Float { filterable: true },
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    };
+    let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+    let types = std::iter::once(sampler).chain((0..maps).map(|_| texture));
+    let entries: Vec<_> = (0..).zip(types).map(entry).collect();
+    let layout =
+        device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries });
+    let numbers: Vec<u32> = (0..TEXTURES).collect();
+    let scene = Scene::new(gpu, &[fragments, LIT].concat(), &layout, &[], &quads(&numbers), SIZE);
+    let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+        mag_filter: wgpu::FilterMode::Linear,
+        min_filter: wgpu::FilterMode::Linear,
+        mipmap_filter: wgpu::MipmapFilterMode::Linear,
+        ..Default::default()
+    });
+    let group = |&number: &u32| -> Result<wgpu::BindGroup, GpuError> {
+        let views = (0..maps).map(|map| view(number, map)).collect::<Result<Vec<_>, _>>()?;
+        let resources = std::iter::once(wgpu::BindingResource::Sampler(&sampler))
+            .chain(views.iter().map(wgpu::BindingResource::TextureView));
+        let entries: Vec<_> = (0..)
+            .zip(resources)
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+            .collect();
+        let descriptor = wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries };
+        Ok(device.create_bind_group(&descriptor))
+    };
+    let groups = numbers.iter().map(group).collect::<Result<Vec<_>, _>>()?;
+    let frames = frames(|_| {
+        let drawing = gpu.measure(|encoder| scene.draw(gpu, encoder, still(), &groups))?;
+        Ok((Frame { drawing, update: Duration::ZERO }, 0))
+    })?;
+    Ok(frames.median(Frame::whole))
 }
 
 /// A texture of BC7 blocks with its mip levels.

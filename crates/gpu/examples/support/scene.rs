@@ -56,16 +56,6 @@ fn fs(in: Varying) -> @location(0) vec4<f32> {
 }
 ";
 
-const PLAIN: &str = "
-@group(0) @binding(0) var colour: texture_2d<f32>;
-@group(0) @binding(1) var filtered: sampler;
-
-@fragment
-fn fs(in: Varying) -> @location(0) vec4<f32> {
-    return textureSample(colour, filtered, in.uv);
-}
-";
-
 /// Rectangles and what draws them.
 pub(crate) struct Scene {
     pipeline: wgpu::RenderPipeline,
@@ -80,21 +70,16 @@ pub(crate) struct Scene {
 impl Scene {
     /// A scene whose rectangles are drawn from a cache of tiles.
     pub(crate) fn tiled(gpu: &Gpu, cache: &TileCache, quads: &[Quad], size: (u32, u32)) -> Scene {
-        let shader = [&cache.wgsl(0), VERTICES, TILED].concat();
         // All of them are colours: the other half of each lookup is left out.
         let constants = [("TEXFOLD_TILE_COLOURS", 1.0)];
-        Scene::new(gpu, &shader, Some(cache.bind_group_layout()), &constants, quads, size)
+        Scene::new(gpu, &[&cache.wgsl(0), TILED].concat(), cache.bind_group_layout(), &constants, quads, size)
     }
 
-    /// A scene whose rectangles are each drawn from a texture and a sampler.
-    pub(crate) fn plain(gpu: &Gpu, quads: &[Quad], size: (u32, u32)) -> Scene {
-        Scene::new(gpu, &[VERTICES, PLAIN].concat(), None, &[], quads, size)
-    }
-
-    fn new(
+    /// A scene with fragments of its own, `fs`, the layout of its group 0 and constants.
+    pub(crate) fn new(
         gpu: &Gpu,
-        shader: &str,
-        textures: Option<&wgpu::BindGroupLayout>,
+        fragments: &str,
+        textures: &wgpu::BindGroupLayout,
         constants: &[(&str, f64)],
         quads: &[Quad],
         (width, height): (u32, u32),
@@ -111,8 +96,7 @@ impl Scene {
             buffer
         };
         let uniform = pipeline::uniform_layout(device);
-        let sampled = layout(device, wgpu::ShaderStages::FRAGMENT, &sampled());
-        let groups = [Some(textures.unwrap_or(&sampled)), Some(&uniform)];
+        let groups = [Some(textures), Some(&uniform)];
         let quads_layout = wgpu::VertexBufferLayout {
             array_stride: size_of::<Quad>() as u64,
             step_mode: wgpu::VertexStepMode::Instance,
@@ -121,7 +105,7 @@ impl Scene {
         let corners =
             Corners { layouts: &[Some(quads_layout)], topology: wgpu::PrimitiveTopology::TriangleStrip };
         let entries = Entries { vertex: "vs", fragment: "fs" };
-        let shader = (shader.to_owned(), entries);
+        let shader = ([VERTICES, fragments].concat(), entries);
         let pipeline = pipeline::pipeline(device, shader, &groups, constants, corners, FORMAT);
         let (camera, camera_group) = pipeline::uniform(device, size_of::<Mat4>());
         let texture = |format, usage| {
@@ -152,11 +136,6 @@ impl Scene {
     /// The drawn image.
     pub(crate) fn target(&self) -> &wgpu::Texture {
         &self.target
-    }
-
-    /// The layout of a texture and a sampler, for a scene of plain textures.
-    pub(crate) fn layout(&self) -> wgpu::BindGroupLayout {
-        self.pipeline.get_bind_group_layout(0)
     }
 
     /// Records a frame: all rectangles with one group, or each with its own.
@@ -199,26 +178,6 @@ impl Scene {
             pass.draw(0..4, number..number + 1);
         }
     }
-}
-
-fn layout(
-    device: &wgpu::Device,
-    visibility: wgpu::ShaderStages,
-    types: &[wgpu::BindingType],
-) -> wgpu::BindGroupLayout {
-    let entry = |(binding, &ty)| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
-    let entries: Vec<_> = (0..).zip(types).map(entry).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
-}
-
-/// A texture and a sampler.
-fn sampled() -> [wgpu::BindingType; 2] {
-    let texture = wgpu::BindingType::Texture {
-        sample_type: wgpu::TextureSampleType::Float { filterable: true },
-        view_dimension: wgpu::TextureViewDimension::D2,
-        multisampled: false,
-    };
-    [texture, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)]
 }
 
 /// Anisotropy of samplers: none in software, where it takes seconds a frame.

@@ -5,6 +5,7 @@
 
 use texfold_core::{CancelCheck, EncodeError, parallel, principal_axes};
 
+use super::cutout;
 use super::source::DctSource;
 use crate::form::{AXIS_BITS, Group, MAX_GROUP};
 
@@ -28,20 +29,39 @@ pub(super) struct GroupAxes {
 }
 
 /// The axes of all groups.
-pub(super) fn axes(source: &DctSource, check: CancelCheck<'_>) -> Result<Vec<GroupAxes>, EncodeError> {
+pub(super) fn axes(
+    source: &DctSource,
+    cutout: Option<usize>,
+    check: CancelCheck<'_>,
+) -> Result<Vec<GroupAxes>, EncodeError> {
     let mut first = 0;
     let mut all = Vec::new();
+    let scale = cutout.map_or(1.0, |_| f64::from(1u32 << cutout::SCALE_LOG2));
     for &channels in &source.groups {
-        all.push(axes_of(source, first, usize::from(channels), check)?);
+        if cutout == Some(first) {
+            all.push(cutout_axis(first));
+        } else {
+            all.push(axes_of(source, first, usize::from(channels), scale, check)?);
+        }
         first += usize::from(channels);
     }
     Ok(all)
+}
+
+/// The axis of an alpha of 8 bits whose contrast is raised.
+fn cutout_axis(first: usize) -> GroupAxes {
+    let mut group = Group::plain(1);
+    group.means[0] = 128;
+    let mut forward = [[0.0; MAX_GROUP]; MAX_GROUP];
+    forward[0][0] = cutout::GAIN;
+    GroupAxes { group, first, forward }
 }
 
 fn axes_of(
     source: &DctSource,
     first: usize,
     count: usize,
+    scale: f64,
     check: CancelCheck<'_>,
 ) -> Result<GroupAxes, EncodeError> {
     let texels = source.size.texels();
@@ -53,7 +73,7 @@ fn axes_of(
     let vectors = components(&sums.products, count);
     for (channel, weights) in group.axes[..count].iter_mut().enumerate() {
         for (axis, weight) in weights[..count].iter_mut().enumerate() {
-            *weight = (vectors[axis][channel] * f64::from(1 << AXIS_BITS)).round() as i16;
+            *weight = (vectors[axis][channel] * f64::from(1 << AXIS_BITS) / scale).round() as i16;
         }
     }
     let backward: Matrix =
@@ -168,7 +188,7 @@ mod tests {
         let samples: Vec<u16> = (0..64u16).flat_map(|n| [n * 2, n * 2 + 7, 100, n * 29 % 64]).collect();
         let size = ImageSize { width: 8, height: 8 };
         let source = DctSource::new(size, &[3, 1], 8, samples).unwrap();
-        let all = axes(&source, CancelCheck::default()).unwrap();
+        let all = axes(&source, None, CancelCheck::default()).unwrap();
         let first: Vec<i16> = (0..3).map(|channel| all[0].group.axes[channel][0]).collect();
         assert_eq!(first, [724, 724, 0]);
         assert_eq!(all[0].group.means[..3], [63, 70, 100]);

@@ -4,6 +4,7 @@ use texfold_core::metric::SquaredError;
 use texfold_core::target::Measured;
 use texfold_core::{CancelCheck, EncodeError, Metric, SourceError, parallel};
 
+use super::cutout;
 use super::fit::{Fitted, StopBits, fit};
 use super::forward::Coefficients;
 use super::goal::unit_of;
@@ -154,7 +155,9 @@ pub(super) fn estimate(
     let symbols = fit(counts).bits(counts, &StopBits::new());
     let beside = SUPERBLOCK_BITS * superblocks as f64;
     let (unit, count) = (unit_of(form.depth), form.size.texels() * form.channels() as u64);
-    let size = form.quantiser.step_size();
+    let is_cutout = planes.first().is_some_and(|plane| plane.cutout.is_some());
+    let scale = if is_cutout { f64::from(1u32 << cutout::SCALE_LOG2) } else { 1.0 };
+    let size = form.quantiser.step_size() / scale;
     // Rounding to samples adds a twelfth each.
     let sum = (quantised.squared_error * size * size + count as f64 / 12.0) / (unit * unit);
     Ok(Estimate { bits: symbols + *plain_bits as f64 + beside, squared_error: SquaredError { sum, count } })
@@ -385,10 +388,15 @@ impl PlaneQuantiser<'_> {
                     set,
                 };
                 let coefficients = &self.coefficients.blocks[at * self.ranks.len() + axis];
+                let is_cutout = self.coefficients.cutout == Some(axis);
+                let larger = is_cutout.then(|| coefficients.map(|value| value * cutout::scale_of(self.form)));
+                let coefficients = larger.as_ref().unwrap_or(coefficients);
                 let predicted = self.base.map(|base| base.predict(axis, column, row));
                 let neighbours = around.of(block, axis, rank > 1);
+                // The errors of a cut-out are clamped away, mostly.
+                let weights = if is_cutout { &[0.0; COEFFICIENTS] } else { &self.weights };
                 let levels = quantising.block(coefficients, predicted, &neighbours, &mut trellis);
-                quantising.measure(coefficients, predicted, &levels, &self.weights, part);
+                quantising.measure(coefficients, predicted, &levels, weights, part);
                 let end = end_symbol(coded(&levels, self.first()));
                 around.keep(block, axis, &magnitudes_of(&levels), end);
                 superblock.push(&levels);

@@ -3,6 +3,7 @@
 use texfold_core::{CancelCheck, EncodeError, parallel};
 
 use super::axes::{GroupAxes, axes, inverted};
+use super::cutout;
 use super::masking::energy;
 use super::source::DctSource;
 use crate::form::{DctForm, PlaneShape};
@@ -18,6 +19,8 @@ pub(super) struct Coefficients {
     pub shape: PlaneShape,
     /// Blocks, axis by axis within each.
     pub blocks: Vec<Block>,
+    /// The axis of an alpha of 0 and 1 alone, of weight 1.
+    pub cutout: Option<usize>,
     /// [`energy`] of the first axis of each block.
     pub energies: Vec<f32>,
 }
@@ -28,7 +31,8 @@ pub(super) fn coefficients(
     form: &mut DctForm,
     check: CancelCheck<'_>,
 ) -> Result<Vec<Coefficients>, EncodeError> {
-    let groups = axes(source, check)?;
+    let cutout = cutout::axis_of(source);
+    let groups = axes(source, cutout, check)?;
     form.groups = groups.iter().map(|group| group.group).collect();
     let count = source.channels();
     let forward = Forward::new();
@@ -50,7 +54,7 @@ pub(super) fn coefficients(
         });
         check.checkpoint()?;
         let energies = parallel::map(blocks.0 * blocks.1, |block| energy(&all[block * count]));
-        planes.push(Coefficients { shape, blocks: all, energies });
+        planes.push(Coefficients { shape, blocks: all, cutout, energies });
     }
     Ok(planes)
 }

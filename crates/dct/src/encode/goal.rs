@@ -6,6 +6,7 @@ use texfold_core::target::{Measured, StepScale, search_step_estimated};
 use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Metric, ParamError, SourceError};
 
 use super::code::{Estimate, LAMBDA, Looks, code, code_with_bits, estimate};
+use super::cutout;
 use super::error::{psnr, worst_block_rms};
 use super::forward::{Coefficients, coefficients};
 use super::source::DctSource;
@@ -201,9 +202,13 @@ impl<'a> DctEncoder<'a> {
 
     fn form_at(&self, step: u16) -> DctForm {
         let mut form = self.form.clone();
+        let size = Quantiser::of_step(step.min(MAX_STEP)).step_size() / unit_of(self.source.depth);
         form.quantiser.step = step.min(MAX_STEP);
-        let size = form.quantiser.step_size() / unit_of(self.source.depth);
         form.quantiser.slope = slope(self.params.metric, size);
+        if self.planes.first().is_some_and(|plane| plane.cutout.is_some()) {
+            form.quantiser.step = (form.quantiser.step + cutout::SCALE_LOG2 * OCTAVE_STEPS).min(MAX_STEP);
+            cutout::weigh(&mut form, size);
+        }
         form
     }
 

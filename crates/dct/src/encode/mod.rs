@@ -2,6 +2,7 @@
 
 mod axes;
 mod code;
+mod cutout;
 mod error;
 mod fit;
 mod forward;

@@ -12,6 +12,8 @@ pub struct DctSource {
     pub(super) size: ImageSize,
     pub(super) depth: u8,
     pub(super) groups: Vec<u8>,
+    /// Whether the last channel is alpha.
+    pub(super) has_alpha: bool,
     pub(super) samples: Vec<u16>,
 }
 
@@ -41,7 +43,7 @@ impl DctSource {
         if (depth != 8 && depth != 16) || samples.iter().any(|&sample| sample > largest) {
             return Err(SourceError::Unlike { index: 0, what: "its samples' depth" });
         }
-        Ok(DctSource { size, depth, groups: groups.to_vec(), samples })
+        Ok(DctSource { size, depth, groups: groups.to_vec(), has_alpha: false, samples })
     }
 
     /// An image of 8-bit samples.
@@ -71,7 +73,8 @@ impl DctSource {
             Depth::Sixteen => (16, f32::from(u16::MAX)),
         };
         let sample = |value: f32| (value.clamp(0.0, 1.0) * largest + 0.5) as u16;
-        Self::new(image.size(), groups, bits, image.values().map(sample).collect())
+        let source = Self::new(image.size(), groups, bits, image.values().map(sample).collect())?;
+        Ok(DctSource { has_alpha: image.info().has_alpha(), ..source })
     }
 
     /// With colours that cost next to nothing where channel `alpha` is 0, and so hides them; all channels but `alpha` change

@@ -208,10 +208,22 @@ impl Quality {
         self.alpha.map_or(color, |alpha| alpha.psnr().min(color))
     }
 
-    /// As that goal judges a texture of this quality: of a goal of quality PSNR is [`Quality::psnr`], of others that of colours.
+    /// Errors of colours of that sum, however counted, and of alpha together.
+    #[must_use]
+    pub fn with_alpha(&self, color: f64) -> SquaredError {
+        let sum = color + self.alpha.map_or(0.0, |alpha| alpha.sum);
+        SquaredError { sum, count: self.color.count.max(self.alpha.map_or(0, |alpha| alpha.count)) }
+    }
+
+    /// As that goal judges a texture of this quality: PSNR is [`Quality::psnr`] for a goal of PSNR, that of the errors of colours and
+    /// alpha together for one of bits, else that of colours.
     #[must_use]
     pub fn judged(&self, goal: Goal, source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>) -> Measured {
-        let psnr = if matches!(goal, Goal::Psnr(_)) { self.psnr() } else { self.color.psnr() };
+        let psnr = match goal {
+            Goal::Psnr(_) => self.psnr(),
+            Goal::Bpp(_) => self.with_alpha(self.color.sum).psnr(),
+            Goal::Tolerance(_) => self.color.psnr(),
+        };
         Measured { psnr, ..measured(source, encoded, *self) }
     }
 }

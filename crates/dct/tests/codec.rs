@@ -316,3 +316,26 @@ fn images_of_8_and_16_bits_make_one_set() {
     let texture = encode(&set, &to(Goal::Psnr(36.0)));
     assert!(measure(&set, &texture).psnr >= 36.0);
 }
+
+#[test]
+fn colours_that_alpha_hides_cost_nothing() {
+    let cutout = texfold_testkit::image("cutout");
+    let mut rng = Rng::new(12);
+    let texel = |texel: Texel| {
+        let noise = [0; 3].map(|_: u8| rng.below(256) as f32 / 255.0);
+        if texel.w == 0.0 { Texel::new(noise[0], noise[1], noise[2], 0.0) } else { texel }
+    };
+    let texels: Vec<Texel> = cutout.texels().map(texel).collect();
+    let noisy =
+        Raster::from_texels(cutout.size().width, cutout.size().height, cutout.info(), &texels).unwrap();
+    for goal in [Goal::Bpp(2.0), Goal::Psnr(34.0)] {
+        let [plain, noisy] = [&cutout, &noisy].map(|image| ImageSet::single(image.clone()));
+        let [of_plain, of_noisy] = [&plain, &noisy].map(|set| encode(set, &to(goal)));
+        assert_eq!(bytes(&of_plain), bytes(&of_noisy), "{goal:?}");
+        assert_eq!(quality(&plain, &of_plain).color, quality(&noisy, &of_noisy).color);
+        // A band is no alpha.
+        let band = noisy.images()[0].clone().tagged(ColorSpace::Srgb, Alpha::Band);
+        let band = encode(&ImageSet::single(band), &to(goal));
+        assert!(goal != Goal::Psnr(34.0) || bytes(&band).len() > 2 * bytes(&of_noisy).len());
+    }
+}

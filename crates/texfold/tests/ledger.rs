@@ -19,8 +19,9 @@ use crate::support::ways;
 /// Images that some method suits: alpha, one channel, repetition, text. Quick runs take the first two.
 const IMAGES: [&str; 4] = ["cutout", "gray", "facade", "text_page"];
 /// A goal, and one nearby of less quality: the slope between them is what a bit is worth.
-const GOALS: [[Goal; 2]; 3] = [
+const GOALS: [[Goal; 2]; 4] = [
     [Goal::Psnr(32.0), Goal::Psnr(31.0)],
+    [Goal::Bpp(2.5), Goal::Bpp(2.0)],
     [Goal::Bpp(1.5), Goal::Bpp(1.2)],
     [Goal::Bpp(0.6), Goal::Bpp(0.5)],
 ];

@@ -33,13 +33,15 @@ function texelsOf(image: ImageBitmap): Uint8ClampedArray {
   return context.getImageData(0, 0, image.width, image.height).data;
 }
 
-/** PSNR of the colours in dB. */
+/** PSNR in dB of the colours that alpha does not hide. */
 function psnr(one: Uint8ClampedArray, other: Uint8ClampedArray): number {
-  let sum = 0;
+  let sum = 0, count = 0;
   for (let at = 0; at < one.length; at++) {
-    sum += at % 4 === 3 ? 0 : (one[at]! - other[at]!) ** 2;
+    const counts = at % 4 !== 3 && one[at | 3] !== 0;
+    sum += counts ? (one[at]! - other[at]!) ** 2 : 0;
+    count += Number(counts);
   }
-  return 10 * Math.log10((255 ** 2 * (one.length * 0.75)) / sum);
+  return 10 * Math.log10((255 ** 2 * count) / sum);
 }
 
 /** The best that an encoder of the browser makes in at most `most` bytes; null where the browser lacks it or no quality is small enough. */

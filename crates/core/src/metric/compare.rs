@@ -10,7 +10,8 @@ const TILE: usize = BAND_ROWS as usize;
 /// Side of the blocks of which the worst is looked for.
 const BLOCK: usize = 4;
 
-/// Errors of a decoded image. Where the sizes differ, the upper left parts that both have are compared.
+/// Errors of a decoded image. Where the sizes differ, the upper left parts that both have are compared. Colours of texels whose
+/// alpha is 0 in 8 bits are not compared: nothing shows them.
 #[must_use]
 pub fn compare(source: &Raster, decoded: &Raster) -> Quality {
     let height = source.size().height.min(decoded.size().height);
@@ -30,23 +31,27 @@ pub(super) fn of_band(source: &Raster, (decoded, from): (&Raster, u32), top: u32
     let gains = [gain, gain, gain, if source.info().has_alpha() { 1.0 } else { gain }];
     let counted = counted_channels(source, decoded);
     let in_block: &[usize] = if source.info().has_extra() { &[0, 1, 2, 3] } else { &[0, 1, 2] };
+    let has_alpha = source.info().has_alpha();
     let mut lines = [vec![[0; 4]; width], vec![[0; 4]; width]];
-    let mut blocks = vec![[0u32; 4]; width.div_ceil(BLOCK)];
-    let mut tiles = vec![[0u64; 4]; width.div_ceil(TILE)];
+    // Sums of squared errors of each channel, and texels whose colours are hidden.
+    let mut blocks = vec![[0u32; 5]; width.div_ceil(BLOCK)];
+    let mut tiles = vec![[0u64; 5]; width.div_ceil(TILE)];
     let (mut worst_block, mut worst_tile) = (0.0f64, 0.0f64);
     for first in (0..rows).step_by(BLOCK) {
         let height = BLOCK.min(rows - first);
-        blocks.fill([0; 4]);
+        blocks.fill([0; 5]);
         for row in (first..first + height).map(|row| row as u32) {
             let [a, b] = &mut lines;
             read(source, top + row, gains, a);
             read(decoded, from + row, gains, b);
             for (block, (a, b)) in blocks.iter_mut().zip(a.chunks(BLOCK).zip(b.chunks(BLOCK))) {
                 for (a, b) in a.iter().zip(b) {
+                    let is_hidden = has_alpha && a[3] == 0;
                     for channel in 0..4 {
                         let step = u32::from(a[channel].abs_diff(b[channel]));
-                        block[channel] += step * step;
+                        block[channel] += if is_hidden && channel < 3 { 0 } else { step * step };
                     }
+                    block[4] += u32::from(is_hidden);
                 }
             }
         }
@@ -57,7 +62,7 @@ pub(super) fn of_band(source: &Raster, (decoded, from): (&Raster, u32), top: u32
             tiles[number * BLOCK / TILE].iter_mut().zip(sums).for_each(|(sum, own)| *sum += own);
         }
     }
-    let mut all = [0; 4];
+    let mut all = [0; 5];
     for (number, sums) in tiles.iter().enumerate() {
         let texels = rows * TILE.min(width - number * TILE);
         worst_tile = worst_tile.max(mean(sums, counted, texels));
@@ -66,17 +71,17 @@ pub(super) fn of_band(source: &Raster, (decoded, from): (&Raster, u32), top: u32
     let texels = (rows * width) as u64;
     let sum = counted.iter().map(|&channel| all[channel]).sum::<u64>();
     Quality {
-        color: SquaredError { sum: sum as f64, count: texels * counted.len() as u64 },
-        alpha: source.info().has_alpha().then_some(SquaredError { sum: all[3] as f64, count: texels }),
+        color: SquaredError { sum: sum as f64, count: (texels - all[4]) * counted.len() as u64 },
+        alpha: has_alpha.then_some(SquaredError { sum: all[3] as f64, count: texels }),
         worst_block_rms: worst_block.sqrt(),
         worst_tile_mse: worst_tile,
     }
 }
 
-/// The mean of sums over those channels of so many texels.
-fn mean(sums: &[u64; 4], channels: &[usize], texels: usize) -> f64 {
+/// The mean of sums over those channels of so many texels, less the hidden ones among them; 0 where there are no others.
+fn mean(sums: &[u64; 5], channels: &[usize], texels: usize) -> f64 {
     let sum = channels.iter().map(|&channel| sums[channel]).sum::<u64>();
-    sum as f64 / (texels * channels.len()) as f64
+    sum as f64 / ((texels as u64 - sums[4]) * channels.len() as u64).max(1) as f64
 }
 
 /// Texels of a row times `gains` in bytes, as [`Raster::texel`] has their channels.
@@ -125,8 +130,11 @@ mod tests {
             let (mut sum, mut count) = (0.0, 0);
             for y in top..(top + side).min(height) {
                 for x in left..(left + side).min(width) {
-                    sum += channels.iter().map(|&channel| step(x, y, channel)).sum::<f64>();
-                    count += channels.len();
+                    let is_hidden = source.info().has_alpha() && to_u8(source.texel(x, y).w) == 0;
+                    if !is_hidden || channels == [3] {
+                        sum += channels.iter().map(|&channel| step(x, y, channel)).sum::<f64>();
+                        count += channels.len();
+                    }
                 }
             }
             (sum, count as u64)
@@ -137,7 +145,7 @@ mod tests {
                 .flat_map(|y| (0..width).step_by(side as usize).map(move |x| (x, y)));
             corners
                 .map(|corner| mean(corner, side, channels))
-                .map(|(sum, n)| sum / n as f64)
+                .map(|(sum, n)| sum / (n as f64).max(1.0))
                 .fold(0.0, f64::max)
         };
         let all = |channels: &[usize]| {
@@ -165,7 +173,12 @@ mod tests {
             for (width, height) in [(1, 1), (67, 66), (130, 9)] {
                 let mut image = |clear: u8| {
                     let bytes: Vec<u8> = (0..width * height * u32::from(channels))
-                        .map(|at| if at == 0 { clear } else { rng.below(256) as u8 })
+                        .map(|at| match at {
+                            0 => clear,
+                            // Some alpha is 0.
+                            at if at / 8 % 3 == 1 => 0,
+                            _ => rng.below(256) as u8,
+                        })
                         .collect();
                     Raster::from_u8(width, height, channels, ColorSpace::Srgb, &bytes)
                         .unwrap()

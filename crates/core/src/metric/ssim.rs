@@ -79,7 +79,14 @@ impl Windows {
             };
             (0..rows + 2 * RADIUS).map(line).collect()
         };
-        let (a, b) = (lines(a), lines(b));
+        let has_alpha = a.info().has_alpha();
+        let (a, mut b) = (lines(a), lines(b));
+        if has_alpha {
+            // Hidden colours are alike.
+            for (a, b) in a.iter().flatten().zip(b.iter_mut().flatten()).filter(|(a, _)| a[3] == 0) {
+                b[..3].copy_from_slice(&a[..3]);
+            }
+        }
         let mut blurred = Blurred::new(self.width);
         let mut means: [Vec<f32>; SIGNALS] = std::array::from_fn(|_| vec![0.0; self.width]);
         let mut sum = 0.0;
@@ -213,6 +220,8 @@ mod tests {
         let (width, height) = (a.size().width as i64, a.size().height as i64);
         let channels = a.info().counted_channels();
         let value = |r: &Raster, x: i64, y: i64, c: usize| f64::from(to_u8(r.texel(x as u32, y as u32)[c]));
+        let is_hidden = |x: i64, y: i64| a.info().has_alpha() && value(a, x, y, 3) == 0.0;
+        let shown = |x: i64, y: i64, c: usize| value(if c < 3 && is_hidden(x, y) { a } else { b }, x, y, c);
         let mut total = 0.0;
         let mut places = 0.0;
         for &c in channels {
@@ -223,12 +232,12 @@ mod tests {
                     for (dy, dx) in (-5..=5).flat_map(|dy| (-5..=5).map(move |dx| (dy, dx))) {
                         w += window(dx, dy);
                         ma += window(dx, dy) * value(a, x + dx, y + dy, c);
-                        mb += window(dx, dy) * value(b, x + dx, y + dy, c);
+                        mb += window(dx, dy) * shown(x + dx, y + dy, c);
                     }
                     (ma, mb) = (ma / w, mb / w);
                     let (mut va, mut vb, mut cov) = (0.0, 0.0, 0.0);
                     for (dy, dx) in (-5..=5).flat_map(|dy| (-5..=5).map(move |dx| (dy, dx))) {
-                        let (p, q) = (value(a, x + dx, y + dy, c) - ma, value(b, x + dx, y + dy, c) - mb);
+                        let (p, q) = (value(a, x + dx, y + dy, c) - ma, shown(x + dx, y + dy, c) - mb);
                         va += window(dx, dy) * p * p / w;
                         vb += window(dx, dy) * q * q / w;
                         cov += window(dx, dy) * p * q / w;

@@ -191,11 +191,18 @@ fn stages(
 ) -> Result<Vec<DctSource>, EncodeError> {
     let levels = levels.min(image.size().full_levels());
     if levels <= DCT_LEVELS {
-        return Ok(vec![DctSource::from_raster(image, depth)?]);
+        return Ok(vec![source_of(image, depth)?]);
     }
     let chain = mip_chain_cancellable(image, levels, MipFilter::Box, check)?;
     let stages = chain.iter().step_by(DCT_LEVELS as usize);
-    Ok(stages.map(|level| DctSource::from_raster(level, depth)).collect::<Result<_, SourceError>>()?)
+    Ok(stages.map(|level| source_of(level, depth)).collect::<Result<_, SourceError>>()?)
+}
+
+/// A stage, with colours that cost next to nothing where alpha hides them.
+fn source_of(image: &Raster, depth: Depth) -> Result<DctSource, SourceError> {
+    let source = DctSource::from_raster(image, depth)?;
+    let alpha = source.channels() - 1;
+    Ok(if image.info().has_alpha() { source.with_free_colours(alpha) } else { source })
 }
 
 fn bits(source: &ImageSet, images: &DctImages) -> f64 {

@@ -6,8 +6,8 @@
 //! 33.2 dB); 51.1, 72.9 with both (28.6, 33.1 dB); 53.6, 73.9 with a slope of 1 and a power of 0.3 (28.4, 32.6 dB).
 
 use rayon::prelude::*;
-use texfold_core::image::{ImageSet, Raster};
-use texfold_core::metric::{SquaredError, decode_image, quality_cancellable};
+use texfold_core::image::{ImageSet, Raster, to_u8};
+use texfold_core::metric::{decode_image, quality_cancellable};
 use texfold_core::target::Measured;
 use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, Image2d, Metric, SourceError, Texel};
 
@@ -56,7 +56,13 @@ pub fn counted_error_of(
     for (index, image) in (0..).zip(source.images()) {
         check.checkpoint()?;
         let decoded = decode_image(texture, index, 0).ok_or(SourceError::Empty)?;
-        let decoded: Vec<Texel> = decoded.texels().collect();
+        // Colours that alpha hides don't count, as in the PSNR.
+        let has_alpha = image.info().has_alpha();
+        let shown = |(source, decoded): (Texel, Texel)| {
+            let is_hidden = has_alpha && to_u8(source.w) == 0;
+            if is_hidden { source.truncate().extend(decoded.w) } else { decoded }
+        };
+        let decoded: Vec<Texel> = image.texels().zip(decoded.texels()).map(shown).collect();
         sum += counted_error(image, &decoded, metric);
     }
     Ok(sum)
@@ -94,8 +100,7 @@ pub fn score(
                 Metric::Psnr => quality.color.sum,
                 Metric::Perceptual => counted_error_of(source, texture, metric, check)?,
             };
-            let sum = counted + quality.alpha.map_or(0.0, |alpha| alpha.sum);
-            SquaredError { sum, count: quality.color.count }.psnr()
+            quality.with_alpha(counted).psnr()
         }
         Goal::Psnr(_) | Goal::Tolerance(_) => quality.psnr(),
     };

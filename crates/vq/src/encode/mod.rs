@@ -306,6 +306,8 @@ fn search_psnr(
     let mut at = |cells: u32, effort: Effort, job: &mut Job<'_>| {
         let from = f32::from(tried.min(15)) / 16.0;
         tried += 1;
+        // The search goes on as if all were there: its way depends on what it finds.
+        let cells = cells.min(prepared.most_words);
         job.within(from, from + 1.0 / 16.0, |job| one(prepared, Grid::within(cells), content, effort, job))
     };
     let fast = search(goal, 1..=most, most, COARSE_STEP, |cells| at(cells, Effort::Fast, job))?;

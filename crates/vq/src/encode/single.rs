@@ -1,6 +1,6 @@
 //! One encode for one size of codebook; what does not depend on that size is prepared once.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::{Mutex, PoisonError};
 
 use ndarray::Array2;
@@ -13,6 +13,7 @@ use texfold_core::{Cached, CancelCheck, Effort, EncodeError, ImageLayout, Notes}
 use super::assemble::{Draft, Storage, Stored, assign};
 use super::blocks::Blocks;
 use super::importance::{block_weights, importance_maps};
+use super::plan::MAX_CELLS;
 use super::samples::{Choice, SampleSpec, sample_windows};
 use super::usability::Words;
 use crate::classes::Groups;
@@ -51,6 +52,8 @@ pub(crate) struct Prepared<'s> {
     pub(crate) words: Words,
     /// Blocks that codewords are learnt from.
     training: Vec<usize>,
+    /// Codewords beyond which more bring nothing: twice the blocks that differ, as learning may find some of these twice.
+    pub(crate) most_words: u32,
     /// Number and side of samples that pay, by the logarithm of the number of cells.
     samples: Mutex<BTreeMap<u32, SampleSpec>>,
     pub(crate) cancel: CancelCheck<'s>,
@@ -81,6 +84,7 @@ impl<'s> Prepared<'s> {
         let stride = blocks.len().div_ceil(TRAINING_BLOCKS).max(1);
         let training = (0..blocks.len()).step_by(stride).collect();
         let layout = source.images.layout(levels);
+        let most_words = (2 * distinct(&blocks)).min(blocks.len()).max(1) as u32;
         Ok(Prepared {
             source,
             reference,
@@ -91,6 +95,7 @@ impl<'s> Prepared<'s> {
             weights,
             words,
             training,
+            most_words,
             samples: Mutex::default(),
             cancel,
         })
@@ -292,6 +297,18 @@ impl<'s> Prepared<'s> {
     }
 }
 
+/// Number of blocks without their copies, counted up to the most codewords there can be.
+fn distinct(blocks: &Blocks) -> usize {
+    let mut seen: HashSet<Vec<u32>> = HashSet::new();
+    for row in 0..blocks.len() {
+        seen.insert(blocks.vector(row).iter().map(|value| value.to_bits()).collect());
+        if seen.len() >= MAX_CELLS as usize {
+            break;
+        }
+    }
+    seen.len()
+}
+
 fn weighted_sum(matches: &[Match], weights: &[f32]) -> f64 {
     matches.iter().zip(weights).map(|(found, &weight)| f64::from(found.distance) * f64::from(weight)).sum()
 }
@@ -358,4 +375,25 @@ pub(crate) fn by_brightness(codewords: Array2<f32>) -> Array2<f32> {
     let mut order: Vec<usize> = (0..mean.len()).collect();
     order.sort_by(|&a, &b| mean[a].total_cmp(&mean[b]).then(a.cmp(&b)));
     codewords.select(ndarray::Axis(0), &order)
+}
+
+#[cfg(test)]
+mod tests {
+    use texfold_core::image::ColorSpace;
+
+    use super::*;
+
+    #[test]
+    fn copies_of_blocks_are_counted_once() {
+        let of = |value: fn(u32, u32) -> u8| {
+            let bytes: Vec<u8> = (0..64 * 64).map(|at| value(at % 64, at / 64)).collect();
+            let raster = Raster::from_u8(64, 64, 1, ColorSpace::Linear, &bytes).unwrap();
+            let images = ImageSet::single(raster);
+            distinct(&Blocks::cut(&images, 1, CancelCheck::default()).unwrap())
+        };
+        assert_eq!(of(|_, _| 7), 1);
+        // Columns of blocks by turns, and as many blocks as there are.
+        assert_eq!(of(|x, _| (x / 4 % 3) as u8), 3);
+        assert_eq!(of(|x, y| (x / 4 + y / 4 * 16) as u8), 256);
+    }
 }

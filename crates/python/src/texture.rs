@@ -197,7 +197,7 @@ fn pair(one: &Pixels<'_>, other: &Pixels<'_>) -> PyResult<(Raster, Raster)> {
     Ok((one, other))
 }
 
-/// PSNR of the colours of two images in dB.
+/// PSNR in dB of the colours of two images, where alpha of the first is not 0.
 #[pyfunction]
 pub(crate) fn psnr(py: Python<'_>, one: Pixels<'_>, other: Pixels<'_>) -> PyResult<f64> {
     let (one, other) = pair(&one, &other)?;

@@ -381,12 +381,14 @@ def decode(data: bytes, **options: Any) -> np.ndarray:
 
 
 def psnr(one: np.ndarray, other: np.ndarray) -> float:
-    """PSNR of the colours of two images of one shape in dB."""
+    """PSNR in dB of the colours of two images of one shape, where alpha of the first, if any, is not 0."""
     return _texfold.psnr(*_pair(one, other))
 
 
 def ssim(one: np.ndarray, other: np.ndarray) -> float:
-    """SSIM of the colours of two images of one shape (Wang et al. 2004, windows of 11x11), mean over the channels."""
+    """SSIM of the colours of two images of one shape (Wang et al. 2004, windows of 11x11), mean over the channels;
+    where alpha of the first is 0 they count as equal.
+    """
     return _texfold.ssim(*_pair(one, other))
 
 

@@ -52,6 +52,12 @@ impl PixelInfo {
         self.has_extra() && self.alpha != Alpha::Band
     }
 
+    /// Whether texels whose alpha is 0 show nothing: alpha of data, such as of normals, hides none of it.
+    #[must_use]
+    pub fn hides_colors(self) -> bool {
+        self.has_alpha() && self.color == ColorSpace::Srgb
+    }
+
     /// Whether there is a channel beside gray or RGB: alpha or a band.
     #[must_use]
     pub fn has_extra(self) -> bool {

@@ -11,7 +11,7 @@ const TILE: usize = BAND_ROWS as usize;
 const BLOCK: usize = 4;
 
 /// Errors of a decoded image. Where the sizes differ, the upper left parts that both have are compared. Colours of texels whose
-/// alpha is 0 in 8 bits are not compared: nothing shows them.
+/// alpha is 0 in 8 bits are not compared where it hides them ([`crate::image::PixelInfo::hides_colors`]).
 #[must_use]
 pub fn compare(source: &Raster, decoded: &Raster) -> Quality {
     let height = source.size().height.min(decoded.size().height);
@@ -32,6 +32,7 @@ pub(super) fn of_band(source: &Raster, (decoded, from): (&Raster, u32), top: u32
     let counted = counted_channels(source, decoded);
     let in_block: &[usize] = if source.info().has_extra() { &[0, 1, 2, 3] } else { &[0, 1, 2] };
     let has_alpha = source.info().has_alpha();
+    let hides_colors = source.info().hides_colors();
     let mut lines = [vec![[0; 4]; width], vec![[0; 4]; width]];
     // Sums of squared errors of each channel, and texels whose colours are hidden.
     let mut blocks = vec![[0u32; 5]; width.div_ceil(BLOCK)];
@@ -46,7 +47,7 @@ pub(super) fn of_band(source: &Raster, (decoded, from): (&Raster, u32), top: u32
             read(decoded, from + row, gains, b);
             for (block, (a, b)) in blocks.iter_mut().zip(a.chunks(BLOCK).zip(b.chunks(BLOCK))) {
                 for (a, b) in a.iter().zip(b) {
-                    let is_hidden = has_alpha && a[3] == 0;
+                    let is_hidden = hides_colors && a[3] == 0;
                     for channel in 0..4 {
                         let step = u32::from(a[channel].abs_diff(b[channel]));
                         block[channel] += if is_hidden && channel < 3 { 0 } else { step * step };
@@ -130,7 +131,7 @@ mod tests {
             let (mut sum, mut count) = (0.0, 0);
             for y in top..(top + side).min(height) {
                 for x in left..(left + side).min(width) {
-                    let is_hidden = source.info().has_alpha() && to_u8(source.texel(x, y).w) == 0;
+                    let is_hidden = source.info().hides_colors() && to_u8(source.texel(x, y).w) == 0;
                     if !is_hidden || channels == [3] {
                         sum += channels.iter().map(|&channel| step(x, y, channel)).sum::<f64>();
                         count += channels.len();

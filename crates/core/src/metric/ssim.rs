@@ -79,9 +79,9 @@ impl Windows {
             };
             (0..rows + 2 * RADIUS).map(line).collect()
         };
-        let has_alpha = a.info().has_alpha();
+        let hides_colors = a.info().hides_colors();
         let (a, mut b) = (lines(a), lines(b));
-        if has_alpha {
+        if hides_colors {
             // Hidden colours are alike.
             for (a, b) in a.iter().flatten().zip(b.iter_mut().flatten()).filter(|(a, _)| a[3] == 0) {
                 b[..3].copy_from_slice(&a[..3]);
@@ -220,7 +220,7 @@ mod tests {
         let (width, height) = (a.size().width as i64, a.size().height as i64);
         let channels = a.info().counted_channels();
         let value = |r: &Raster, x: i64, y: i64, c: usize| f64::from(to_u8(r.texel(x as u32, y as u32)[c]));
-        let is_hidden = |x: i64, y: i64| a.info().has_alpha() && value(a, x, y, 3) == 0.0;
+        let is_hidden = |x: i64, y: i64| a.info().hides_colors() && value(a, x, y, 3) == 0.0;
         let shown = |x: i64, y: i64, c: usize| value(if c < 3 && is_hidden(x, y) { a } else { b }, x, y, c);
         let mut total = 0.0;
         let mut places = 0.0;
@@ -254,8 +254,11 @@ mod tests {
     #[test]
     fn ssim_equals_its_definition() {
         // Several bands of rows, the last one short, and a band beside colours.
-        for (width, height, channels) in [(19, 14, 3), (17, 77, 1), (33, 45, 4)] {
-            let a = pseudo_random(width, height, channels, 1).tagged(ColorSpace::Srgb, Alpha::Band);
+        let (band, straight) = (Alpha::Band, Alpha::Straight);
+        for (width, height, channels, alpha) in
+            [(19, 14, 3, band), (17, 77, 1, band), (33, 45, 4, band), (33, 45, 4, straight)]
+        {
+            let a = pseudo_random(width, height, channels, 1).tagged(ColorSpace::Srgb, alpha);
             let values = a.to_bytes().into_iter().enumerate();
             let bytes: Vec<u8> = values.map(|(i, value)| value.saturating_add((i % 23) as u8)).collect();
             let b = Raster::from_u8(width, height, channels, ColorSpace::Srgb, &bytes).unwrap();

@@ -202,7 +202,7 @@ fn stages(
 fn source_of(image: &Raster, depth: Depth) -> Result<DctSource, SourceError> {
     let source = DctSource::from_raster(image, depth)?;
     let alpha = source.channels() - 1;
-    Ok(if image.info().has_alpha() { source.with_free_colours(alpha) } else { source })
+    Ok(if image.info().hides_colors() { source.with_free_colours(alpha) } else { source })
 }
 
 fn bits(source: &ImageSet, images: &DctImages) -> f64 {

@@ -57,9 +57,9 @@ pub fn counted_error_of(
         check.checkpoint()?;
         let decoded = decode_image(texture, index, 0).ok_or(SourceError::Empty)?;
         // Colours that alpha hides don't count, as in the PSNR.
-        let has_alpha = image.info().has_alpha();
+        let hides_colors = image.info().hides_colors();
         let shown = |(source, decoded): (Texel, Texel)| {
-            let is_hidden = has_alpha && to_u8(source.w) == 0;
+            let is_hidden = hides_colors && to_u8(source.w) == 0;
             if is_hidden { source.truncate().extend(decoded.w) } else { decoded }
         };
         let decoded: Vec<Texel> = image.texels().zip(decoded.texels()).map(shown).collect();

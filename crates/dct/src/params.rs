@@ -8,7 +8,7 @@ use texfold_core::{Effort, Goal, Metric, ParamError, Params};
 /// 73.7, 74.1, 72.9.
 const MODULATION_WEIGHT: f64 = 0.25;
 
-/// How images are stored.
+/// How images are stored. Colours that alpha hides ([`PixelInfo::hides_colors`]) are not kept.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct DctParams {

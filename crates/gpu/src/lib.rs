@@ -5,7 +5,8 @@
 //! ways to draw images:
 //!
 //! - *A cache of decoded tiles, hardware sampler*: [`TileCache`], for any number of textures in one bind group, in the memory of their
-//!   compressed form and of a pool: `examples/room.rs`.
+//!   compressed form and of a pool: `examples/room.rs`. All maps of a material come from one lookup
+//!   ([`TileCache::add_material`]).
 //! - *Plain texels, hardware sampler*: [`GpuTexture::decoded_view`], for textures in blocks; anisotropic, filtered in linear light, no
 //!   WGSL of ours: `examples/hardware.rs`.
 //! - *Compressed texels, our WGSL*: the renderer binds [`GpuTexture::bind_group`] and pastes the module

@@ -79,10 +79,11 @@ pub(super) fn of_band(source: &Raster, (decoded, from): (&Raster, u32), top: u32
     }
 }
 
-/// The mean of sums over those channels of so many texels, less the hidden ones among them; 0 where there are no others.
+/// The mean of sums over those channels of so many texels, of whose colours the hidden ones do not count; 0 where none does.
 fn mean(sums: &[u64; 5], channels: &[usize], texels: usize) -> f64 {
     let sum = channels.iter().map(|&channel| sums[channel]).sum::<u64>();
-    sum as f64 / ((texels as u64 - sums[4]) * channels.len() as u64).max(1) as f64
+    let count = |&channel: &usize| texels as u64 - if channel < 3 { sums[4] } else { 0 };
+    sum as f64 / channels.iter().map(count).sum::<u64>().max(1) as f64
 }
 
 /// Texels of a row times `gains` in bytes, as [`Raster::texel`] has their channels.
@@ -132,13 +133,13 @@ mod tests {
             for y in top..(top + side).min(height) {
                 for x in left..(left + side).min(width) {
                     let is_hidden = source.info().hides_colors() && to_u8(source.texel(x, y).w) == 0;
-                    if !is_hidden || channels == [3] {
-                        sum += channels.iter().map(|&channel| step(x, y, channel)).sum::<f64>();
-                        count += channels.len();
+                    for &channel in channels.iter().filter(|&&channel| channel == 3 || !is_hidden) {
+                        sum += step(x, y, channel);
+                        count += 1;
                     }
                 }
             }
-            (sum, count as u64)
+            (sum, count)
         };
         let worst = |side: u32, channels: &[usize]| {
             let corners = (0..height)
@@ -176,8 +177,8 @@ mod tests {
                     let bytes: Vec<u8> = (0..width * height * u32::from(channels))
                         .map(|at| match at {
                             0 => clear,
-                            // Some alpha is 0.
-                            at if at / 8 % 3 == 1 => 0,
+                            // Some alpha of the source is 0.
+                            at if clear == 0 && at / 8 % 3 == 1 => 0,
                             _ => rng.below(256) as u8,
                         })
                         .collect();

@@ -2,6 +2,7 @@
 //!
 //! Sixteen textures of 2048 texels a side on the walls of a room are drawn at 1920x1080: from plain RGBA8 and BC7 textures with trilinear
 //! hardware filtering, and from the cache with all tiles there, with some of them new in each frame as the camera turns, and with all of them new.
+//! Materials of three maps are drawn likewise: each map looked up by itself, and all by one lookup.
 //! Times are medians of frames: by timestamps on a GPU, by the wall clock from the submission to the device's answer where software
 //! draws. The program needs nothing beside it where it runs: textures are drawn and encoded when it starts.
 
@@ -36,7 +37,7 @@ const WARM_UP: Duration = Duration::from_millis(500);
 /// Maps of a material.
 const MAPS: u32 = 3;
 
-/// What a rectangle shows of a colour, of normals and of packed data.
+/// Shading of a rectangle by colour, normals and packed data.
 const LIT: &str = "
 fn lit(color: vec3<f32>, normal: vec3<f32>, packed: vec3<f32>) -> vec4<f32> {
     let light = max(dot(normalize(normal), vec3<f32>(0.48, 0.6, 0.64)), 0.0);
@@ -135,7 +136,7 @@ fn encode(codec: &str, image: &Raster) -> Result<AnyImage, Box<dyn Error>> {
     Ok(texfold::encode_images(&set, Guidance::default(), &settings, &mut Job::default())?)
 }
 
-/// Frames of a cache: the textures of a group of its rectangles are drawn with one bind group.
+/// A cache, and the scene that is drawn from it.
 struct Cached<'c> {
     name: &'static str,
     cache: &'c TileCache,

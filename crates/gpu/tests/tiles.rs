@@ -29,7 +29,7 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 /// Updates within which all tiles of a view are there.
 const UPDATES: u32 = 3;
 
-/// What all shaders have before their fragments.
+/// Uniform and vertices of all shaders.
 const SHADER: &str = "
 struct View { origin: vec2<f32>, across: vec2<f32>, down: vec2<f32>, texture: u32, lod: f32 }
 @group(1) @binding(0) var<uniform> view: View;

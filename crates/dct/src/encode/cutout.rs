@@ -9,11 +9,11 @@ use crate::form::{AXIS_BITS, DctForm};
 
 /// Contrast of alpha.
 pub(super) const GAIN: f64 = 4.0;
-/// Binary logarithm of how much larger colours' axes are, and with them the steps.
+/// Binary logarithm of the scale of colours' axes, and with them of the steps.
 pub(super) const SCALE_LOG2: u16 = 4;
-/// Most that the step of alpha, as a share of its range, is coarser than that of colours.
+/// Largest step of alpha, as a share of its range, in steps of colours.
 const MOST_RATIO: f64 = 4.0;
-/// Step, in 8-bit units, at which a clamped alpha begins to lose texels: from there on it is coded as finely as colours.
+/// Step of colours, in 8-bit units, from which on alpha is coded as finely as they are: with coarser ones the clamp begins to lose texels.
 const COARSEST: f64 = 60.0;
 
 /// The axis of such an alpha: the only one of the last of several groups. Samples have 8 bits, as sums of 32 bits hold no more.
@@ -42,7 +42,7 @@ pub(super) fn weigh(form: &mut DctForm, size: f64) {
     }
 }
 
-/// How much larger alpha's axis is for such a weight.
+/// Scale of alpha's axis for its weight.
 pub(super) fn scale_of(form: &DctForm) -> f32 {
     let weight = form.groups.last().map_or(0, |group| group.axes[0][0]);
     f32::from(1i16 << AXIS_BITS) / f32::from(weight.max(1))

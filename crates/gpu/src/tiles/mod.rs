@@ -62,6 +62,8 @@ const MOST_ANISOTROPY: u16 = 2 * rows::BORDER as u16 - 1;
 #[derive(Debug, Default)]
 struct Held {
     look: TileLook,
+    /// Whether its images are the maps of a material.
+    is_material: bool,
     row: TextureRow,
     /// The pass that draws its tiles, for textures that are not in superblocks.
     source: Option<Source>,
@@ -369,9 +371,8 @@ impl TileCache {
             let look = held.filter(|_| (image as usize) < sizes).map(|held| held.look);
             let look = look.ok_or(GpuError::NoSuchImage { image, images: sizes })?;
             let at = (replaced.0 as usize, look);
-            if held.is_some_and(|held| held.row.parts != parts::row(&[Part::whole(image)])) {
-                let (parts, _) = parts::of_material(texture.layout(), self.layers())?;
-                self.put(gpu, &source, &parts, at)?;
+            if held.is_some_and(|held| held.is_material) {
+                self.put_material(gpu, &source, at)?;
             } else {
                 self.put(gpu, &source, &[Part::whole(image)], at)?;
             }

@@ -123,12 +123,25 @@ impl TileCache {
         material: &dyn Encoded<Domain = Image2d>,
         look: TileLook,
     ) -> Result<TileTexture, GpuError> {
-        let (parts, is_srgb) = of_material(material.layout(), self.layers())?;
         let source = TileSource::new(gpu, material)?;
+        let index = self.free_index()?;
+        self.put_material(gpu, &source, (index, look))
+    }
+
+    /// Puts a material under a number, in place of what has it.
+    pub(super) fn put_material(
+        &mut self,
+        gpu: &Gpu,
+        source: &TileSource<'_>,
+        (index, look): (usize, TileLook),
+    ) -> Result<TileTexture, GpuError> {
+        let (parts, is_srgb) = of_material(source.texture.layout(), self.layers())?;
         if source.uploaded.is_some() {
             return Err(GpuError::Material { what: "the texture is not in superblocks" });
         }
-        let index = self.free_index()?;
-        self.put(gpu, &source, &parts, (index, TileLook { srgb: look.srgb && is_srgb, ..look }))
+        let look = TileLook { srgb: look.srgb && is_srgb, ..look };
+        let put = self.put(gpu, source, &parts, (index, look))?;
+        self.held[index].iter_mut().for_each(|held| held.is_material = true);
+        Ok(put)
     }
 }

@@ -165,12 +165,18 @@ fn textures_and_materials_share_a_cache_and_replace_one_another() {
     let texture = encode("dct", crop(&image("facade"), (3, 5), (251, 247)), true);
     let held = hold(&mut renderer, &texture, look, (2, 2.0), &mut rng);
     // Its colour is what plain lookups give.
-    let first = material(&[MapKind::BaseColor, MapKind::Normal], (140, 150));
+    let first = material(&[MapKind::BaseColor], (140, 150));
     let added = renderer.cache.add_material(gpu, first.as_encoded(), look).unwrap();
     compare(&renderer, &first, (added, look), (2, 2.0), &mut rng);
-    let second = material(&[MapKind::BaseColor, MapKind::Height, MapKind::Occlusion], (200, 90));
+    // Its base colour is not the first of its images.
+    let second = material(&[MapKind::Height, MapKind::BaseColor, MapKind::Occlusion], (200, 90));
     renderer.cache.replace(gpu, &[added], second.as_encoded()).unwrap();
-    compare(&renderer, &second, (added, look), (2, 2.0), &mut rng);
+    let reference = Reference::new(second.as_encoded(), 1, look);
+    let (size, levels) = (reference.levels[0].0, reference.levels.len() as u32);
+    for _ in 0..2 {
+        let view = random_view(&mut rng, size, levels, added);
+        compare_view(&renderer, (second.as_encoded(), &reference), &view, 2.0);
+    }
     renderer.cache.remove(gpu, held);
     assert_eq!(renderer.cache.add_material(gpu, first.as_encoded(), look).unwrap(), held);
     compare(&renderer, &first, (held, look), (2, 2.0), &mut rng);

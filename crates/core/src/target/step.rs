@@ -1,6 +1,7 @@
 //! Steps of a quantiser: from a guess along the line between one that meets the goal and one that misses it.
 
 use super::{Goal, Measured};
+use crate::Effort;
 
 /// By how many octaves of bits or of error what was measured misses the goal; at most 0 where it meets it.
 #[must_use]
@@ -62,7 +63,7 @@ pub fn search_step_estimated<T, E>(
     }
     let line =
         estimates.met.zip(estimates.missed).map(|(met, missed)| Line { met, missed, most: scale.most });
-    let first = line.map_or(step, |line| line.step_at(-MARGIN));
+    let first = line.map_or(step, |line| line.step_at(-AIM * scale.near));
     search_from(Search::new(goal, scale), first, line, at_step)
 }
 
@@ -91,7 +92,7 @@ fn search_from<T, E>(
         }
         let is_one_sided = search.met.is_none() || search.missed.is_none();
         step = match line.filter(|_| is_one_sided && search.trials < LINE_TRIALS) {
-            Some(line) => line.step_at(line.excess_at(at) - by - MARGIN),
+            Some(line) => line.step_at(line.excess_at(at) - by - AIM * search.scale.near),
             None => search.next(),
         };
     }
@@ -125,26 +126,36 @@ impl Line {
 }
 
 /// The numbers of a quantiser's steps.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepScale {
     /// Numbers in which a step doubles.
     pub octave: u16,
     /// The coarsest.
     pub most: u16,
+    /// Largest distance to the goal, on the side that meets it, at which a search ends, in octaves of bits or of error.
+    pub near: f64,
+}
+
+impl StepScale {
+    /// The scale of a search at that effort: at [`Effort::Fast`] it ends within 1 % of the bits or of a block's error, or 0.09 dB, else
+    /// within 0.2 % or 0.02 dB.
+    #[must_use]
+    pub fn at(self, effort: Effort) -> Self {
+        let near = if effort == Effort::Fast { 0.0145 } else { 0.003 };
+        StepScale { near, ..self }
+    }
 }
 
 /// PSNR of an octave of error.
 const DECIBELS_PER_OCTAVE: f64 = 6.02;
 /// Least ratio of errors that a search tells apart.
 const SMALLEST_RATIO: f64 = 1e-3;
-/// How far below the goal a search ends, in octaves: 0.2 % of the bits, 0.02 dB.
-const NEAR: f64 = 0.003;
 /// Most textures that a search makes.
 const MAX_TRIALS: usize = 16;
-/// Distance below the goal, in octaves, of the aim along the line of estimates.
-const MARGIN: f64 = 0.0003;
+/// Aim along the line of estimates, on the side that meets the goal: a share of [`StepScale::near`].
+const AIM: f64 = 0.25;
 /// Steps between two estimates, in octaves, from which on a line is near enough to the bits and errors between them.
-const LINE: f64 = 0.125;
+const LINE: f64 = 0.5;
 /// Textures that are made along the line of estimates; if all are on one side, the search goes on without it.
 const LINE_TRIALS: usize = 4;
 
@@ -187,7 +198,7 @@ impl Search {
     /// The step, where it is worth trying.
     fn checked(&self, step: u16) -> Option<u16> {
         let known = |side: Option<(u16, f64)>| side.is_some_and(|(at, _)| at == step);
-        let near = self.met.is_some_and(|(_, excess)| excess > -NEAR);
+        let near = self.met.is_some_and(|(_, excess)| excess > -self.scale.near);
         (!near && self.trials < MAX_TRIALS && !known(self.met) && !known(self.missed)).then_some(step)
     }
 
@@ -244,7 +255,7 @@ mod tests {
 
     use super::*;
 
-    const SCALE: StepScale = StepScale { octave: 256, most: 5119 };
+    const SCALE: StepScale = StepScale { octave: 256, most: 5119, near: 0.003 };
 
     /// Bits that halve, and errors that double, every 300 steps; counts what is tried.
     fn along(goal: Goal, first: u16) -> (u16, bool, u32) {

@@ -238,7 +238,7 @@ impl<'a> DctEncoder<'a> {
         let texels = self.source.size.texels();
         let found = search_step_estimated(
             goal,
-            STEPS,
+            STEPS.at(self.params.effort),
             self.first_step(),
             |step| Ok::<_, EncodeError>(self.estimate(step)?.measured(texels)),
             |step| {
@@ -311,7 +311,7 @@ pub fn first_step(depth: u8) -> u16 {
 }
 
 /// The numbers of steps, for a search.
-pub const STEPS: StepScale = StepScale { octave: OCTAVE_STEPS, most: MAX_STEP };
+pub const STEPS: StepScale = StepScale { octave: OCTAVE_STEPS, most: MAX_STEP, near: 0.003 };
 
 #[cfg(test)]
 mod tests {
@@ -347,6 +347,29 @@ mod tests {
                     wanted.1
                 );
             }
+        }
+    }
+
+    #[test]
+    fn estimates_hold_where_few_superblocks_are_busy() {
+        let size = ImageSize { width: 512, height: 512 };
+        let mut rng = Rng::new(3);
+        let busy: Vec<bool> = (0..256).map(|_| rng.below(16) == 0).collect();
+        let sample = |at: u32| {
+            let (x, y) = (at % 512, at / 512);
+            let noise = if busy[(y / 32 * 16 + x / 32) as usize] { 100 } else { 8 };
+            (60 + x / 8 + rng.below(noise)) as u8
+        };
+        let samples: Vec<u8> = (0..512 * 512).map(sample).collect();
+        let source = DctSource::from_u8(size, &[1], &samples).unwrap();
+        let params = DctSettings::default().with_metric(Metric::Psnr).with_effort(Effort::Fast);
+        let encoder = DctEncoder::new(&source, &params, CancelCheck::default()).unwrap();
+        for step in [1200, 1500, 1800] {
+            let texture = encoder.at_step(step).unwrap();
+            let (bpp, psnr) = (encoder.measured(&texture, Goal::Bpp(1.0)).bpp, psnr(&source, &texture));
+            let found = encoder.estimate(step).unwrap().measured(size.texels());
+            assert!((found.bpp / bpp - 1.0).abs() < 0.08, "{step}: {} bits of {bpp}", found.bpp);
+            assert!((found.psnr - psnr).abs() < 0.5, "{step}: {} dB of {psnr}", found.psnr);
         }
     }
 

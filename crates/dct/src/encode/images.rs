@@ -11,8 +11,8 @@ use texfold_core::image::{Depth, ImageSet, MapInfo, MipFilter, PixelInfo, Raster
 use texfold_core::metric::{measure_for, quality_cancellable};
 use texfold_core::target::{FoundStep, Measured, search_step, search_step_estimated};
 use texfold_core::{
-    CancelCheck, DCT_LEVELS, EncodeError, Encoded, Encoder, Goal, ImageLayout, Job, Metric, Notes, Params,
-    SourceError,
+    CancelCheck, DCT_LEVELS, Effort, EncodeError, Encoded, Encoder, Goal, ImageLayout, Job, Metric, Notes,
+    Params, SourceError,
 };
 
 impl Encoder for Dct {
@@ -61,10 +61,11 @@ impl Dct {
     /// Whatever `at_step` returns, at once.
     pub fn search_step<T, E>(
         goal: Goal,
+        effort: Effort,
         depth: Depth,
         at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
     ) -> Result<Option<FoundStep<T>>, E> {
-        search_step(goal, STEPS, first_of(depth), at_step)
+        search_step(goal, STEPS.at(effort), first_of(depth), at_step)
     }
 
     /// As [`Dct::search_step`], where `estimate` measures bits and PSNR at a step at a fraction of the cost, of a part of the tiles for instance: mostly
@@ -74,11 +75,12 @@ impl Dct {
     /// Whatever `estimate` or `at_step` returns, at once.
     pub fn search_step_estimated<T, E>(
         goal: Goal,
+        effort: Effort,
         depth: Depth,
         estimate: impl FnMut(u16) -> Result<Measured, E>,
         at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
     ) -> Result<Option<FoundStep<T>>, E> {
-        search_step_estimated(goal, STEPS, first_of(depth), estimate, at_step)
+        search_step_estimated(goal, STEPS.at(effort), first_of(depth), estimate, at_step)
     }
 }
 
@@ -120,7 +122,7 @@ fn best(
     let job = RefCell::new(job);
     let found = search_step_estimated(
         goal,
-        STEPS,
+        STEPS.at(params.effort),
         encoder.first_step(),
         |step| Ok::<_, EncodeError>(job.borrow().install(|| encoder.estimate(step))?.measured(texels)),
         |step| {

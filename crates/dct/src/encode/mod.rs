@@ -1,5 +1,6 @@
 //! The encoder: coefficients of all planes once, then numbers, tables and streams for a step, as often as the goal needs.
 
+mod activity;
 mod axes;
 mod code;
 mod cutout;

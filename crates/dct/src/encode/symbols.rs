@@ -107,10 +107,10 @@ impl Default for Counter {
 
 impl Counter {
     /// Adds the counts of another one, `times` over.
-    pub(super) fn add(&mut self, other: &Counter, times: u32) {
+    pub(super) fn add(&mut self, other: &Counter, times: f64) {
         let all = self.counts.iter_mut().flatten().zip(other.counts.iter().flatten());
-        all.for_each(|(sum, count)| *sum += count * times);
-        self.plain_bits += other.plain_bits * u64::from(times);
+        all.for_each(|(sum, &count)| *sum += (f64::from(count) * times).round() as u32);
+        self.plain_bits += (other.plain_bits as f64 * times).round() as u64;
     }
 }
 

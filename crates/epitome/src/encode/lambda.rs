@@ -114,7 +114,7 @@ impl EpitomeSearch {
         let job = RefCell::new(job);
         let found = search_step_estimated(
             goal,
-            STEPS,
+            STEPS.at(plan.effort),
             first,
             |step| job.borrow().install(|| draft.estimate(lambda_of(step) as f32)),
             |step| {

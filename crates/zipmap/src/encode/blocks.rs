@@ -58,7 +58,7 @@ fn by_block(
     let turns = RefCell::new(&mut *job);
     let found = search_step_estimated(
         goal,
-        STEPS,
+        STEPS.at(maker.params.effort),
         encoders[0].first_step(),
         |step| turns.borrow().install(|| estimate(step)),
         |step| {

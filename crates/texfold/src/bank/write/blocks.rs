@@ -117,8 +117,8 @@ pub fn search_tiles<E: From<WriteError>>(
     };
     let at_step = |step| Ok::<_, E>((step, all(step)?.measured()));
     let found = match samples.is_empty() {
-        true => Dct::search_step(params.goal, seen.depth, at_step)?,
-        false => Dct::search_step_estimated(params.goal, seen.depth, estimate, at_step)?,
+        true => Dct::search_step(params.goal, params.effort, seen.depth, at_step)?,
+        false => Dct::search_step_estimated(params.goal, params.effort, seen.depth, estimate, at_step)?,
     };
     let found = found.ok_or(WriteError::Changed)?;
     Ok((found.value, found.met))

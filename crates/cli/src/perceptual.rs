@@ -32,9 +32,11 @@ impl Likeness {
 
 /// Longest side of what is compared at a time: the crate holds many planes of it in floats.
 const TILE: u32 = 1024;
-/// Bytes that comparing a tile takes, and how many for each texel of the image may be taken: so many tiles are compared at a time.
+/// Bytes that comparing a tile takes, and how many for each texel of the image may be taken: so many tiles are compared at a time, at
+/// least [`TILES`].
 const TILE_BYTES: u64 = 80 << 20;
 const BYTES_PER_TEXEL: u64 = 10;
+const TILES: u64 = 4;
 /// Least side that the figure is defined for.
 const LEAST_SIDE: u32 = 8;
 
@@ -85,7 +87,7 @@ fn by_tiles(
             [image, decoded].map(|raster| bytes(raster, corner, size, image.peak().recip()));
         Some(of([&image, &decoded], size)? * size.texels() as f64)
     };
-    let at_once = (size.texels() * BYTES_PER_TEXEL / TILE_BYTES).max(1) as usize;
+    let at_once = (size.texels() * BYTES_PER_TEXEL / TILE_BYTES).max(TILES) as usize;
     let sums = tiles
         .chunks(at_once)
         .flat_map(|tiles| -> Vec<Option<f64>> { tiles.par_iter().copied().map(of_tile).collect() });

@@ -148,11 +148,11 @@ impl DctContent {
 
     fn store_parts(&self, [base, detail]: [&'static str; 2], id: ContentId, out: &mut SectionWriter) {
         let bases: Vec<u8> = self.stages.iter().flat_map(DctTexture::base_bytes).collect();
-        out.section(base, id.section(BASE), &bases);
+        out.streams(base, id.section(BASE), &bases);
         let layers = self.layers();
         if layers.loaded == layers.total && layers.total > 1 {
             let bytes: Vec<u8> = self.stages.iter().flat_map(DctTexture::detail_bytes).copied().collect();
-            out.section(detail, id.section(DETAIL), &bytes);
+            out.streams(detail, id.section(DETAIL), &bytes);
         }
     }
 

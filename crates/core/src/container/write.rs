@@ -36,10 +36,17 @@ impl SectionWriter {
 
     /// Adds a section. It is compressed where that makes it smaller. Its bytes count for `part`.
     pub fn section(&mut self, part: &'static str, id: [u8; 4], raw: &[u8]) {
-        let (compression, stored) = match zstd::compress(raw) {
-            Some(compressed) if compressed.len() < raw.len() => (ZSTD, compressed),
-            _ => (STORED, raw.to_vec()),
-        };
+        self.add(part, id, raw, zstd::compress(raw, false));
+    }
+
+    /// As [`SectionWriter::section`], of streams of an entropy coder, which seldom become shorter: no long search is made for it where a short one
+    /// saves nothing.
+    pub fn streams(&mut self, part: &'static str, id: [u8; 4], raw: &[u8]) {
+        self.add(part, id, raw, zstd::compress(raw, true));
+    }
+
+    fn add(&mut self, part: &'static str, id: [u8; 4], raw: &[u8], shorter: Option<Vec<u8>>) {
+        let (compression, stored) = shorter.map_or_else(|| (STORED, raw.to_vec()), |frame| (ZSTD, frame));
         self.sections.push(Section { part, id, compression, raw_len: raw.len() as u64, stored });
     }
 

@@ -13,6 +13,7 @@ import {
 import type { Module } from "./generated/modules.js";
 import { type Gpu, GpuError, type GpuTexture } from "./gpu.js";
 import { BLOCK_NOTES, BLOCK_WORDS, levelsOf } from "./plan.js";
+import { fill, layersOf, MOST_PARTS, type Part, partsOf, partsRow, refused, type TileContents } from "./tile_parts.js";
 import { tileDrawing, tilePasses, tilePlan, tileSampling } from "./tile_shaders.js";
 import type { Texture } from "./texture.js";
 
@@ -29,8 +30,13 @@ const KEPT = 0xffffffff;
 
 /** Sizes of a cache. */
 export interface TileOptions {
-  /** Bytes of decoded tiles, 64 KiB each: 64 MiB by default. Rounded down to whole layers, of 1, 4 or 16 MiB. */
+  /** Bytes of decoded tiles, 64 KiB each, of materials 192 or 256: 64 MiB by default. Rounded down to whole layers, of 1, 4 or 16 MiB. */
   poolBytes?: number;
+  /**
+   * "textures" by default, each looked up by itself; or materials that `addMaterial` adds, "emissiveMaterials" where any emits light. Textures may
+   * lie among materials, in as many layers.
+   */
+  contents?: TileContents;
   /** Bytes of compressed streams, 64 MiB by default. */
   streamBytes?: number;
   /** Most textures at a time, 256 by default. */
@@ -126,6 +132,8 @@ interface Held {
   /** Words and streams of each stage, in words of the data. */
   data: Range[];
   source?: Source;
+  /** Whether the maps of a material share it. */
+  isMaterial: boolean;
 }
 
 /** An image to add. */
@@ -135,9 +143,12 @@ interface Prepared {
   /** Levels with tiles of their own, and the first one of the tail. */
   own: number;
   tail: number;
+  /** What its tiles are decoded from: one image, or the maps of a material. */
+  parts: Part[];
+  /** Stages of the parts, one part after the other. */
   stages: Blocks[];
-  /** Texels of the levels of the tail. */
-  tails: (Uint8Array | Uint8ClampedArray)[];
+  /** Of each part, texels of the levels of the tail. */
+  tails: (Uint8Array | Uint8ClampedArray)[][];
   image: number;
   /** The whole texture, and what draws its tiles, where it is not in blocks. */
   uploaded: GpuTexture | undefined;
@@ -194,7 +205,7 @@ export class TileCache {
   ) {
     this.held = Array.from({ length: options.textures }, () => undefined);
     this.freePages = new Ranges(0, options.pages);
-    this.freeStages = new Ranges(0, options.textures * MOST_STAGES);
+    this.freeStages = new Ranges(0, mostStages(options));
     // The words that all stages share come first; a place in the streams is 32 bits of bytes.
     this.freeData = new Ranges(WORDS.length, Math.max(WORDS.length, Math.floor(Math.min(options.streamBytes, 0xffffffff) / 4)));
   }
@@ -213,11 +224,12 @@ export class TileCache {
       scratchBytes: wordBytes(given.scratchBytes ?? 32 << 20),
       anisotropy: clamped(given.anisotropy ?? 4, 1, 2 * BORDER - 1),
       stride: 2 ** Math.floor(Math.log2(clamped(given.stride ?? 8, 1, 8))),
+      contents: given.contents ?? "textures",
     };
     const { limits } = gpu.device;
     const side = options.poolBytes < 4 << 20 ? 512 : options.poolBytes < 64 << 20 ? 1024 : 2048;
-    const layers = clamped(Math.floor(options.poolBytes / (4 * side * side)), 1, limits.maxTextureArrayLayers);
-    const slots = (side / SIDE) ** 2 * layers;
+    const most = Math.min(Math.floor(options.poolBytes / (4 * side * side)), limits.maxTextureArrayLayers), each = layersOf(options.contents);
+    const layers = Math.max(1, Math.floor(most / each)) * each, slots = (side / SIDE) ** 2 * (layers / each);
     if (Math.ceil(options.textures / 4) > slots / 2) {
       throw new GpuError("the smallest levels of so many textures would fill half of the pool; raise poolBytes");
     }
@@ -238,7 +250,9 @@ export class TileCache {
   /**
    * The WGSL to paste into shaders that draw, with `bindGroup` bound to `group`: `texfold_tile_sample(texture: u32, uv: vec2<f32>) -> vec4<f32>` in
    * uniform control flow, `texfold_tile_sample_grad(texture, uv, dpdx, dpdy)` and `texfold_tile_sample_level(texture, uv, lod)` in any. Pipelines
-   * that draw colours alone may set the constant `TEXFOLD_TILE_COLOURS` to 1, those that draw other data alone to 0.
+   * that draw colours alone may set the constant `TEXFOLD_TILE_COLOURS` to 1, those that draw other data alone to 0. Of materials
+   * `texfold_tile_sample_material(material, uv) -> TexfoldTileMaterial`, `…_grad` and `…_level` give all maps from one lookup: `color` (with opacity),
+   * `normal` from -1 to 1, `height`, `emissive`, `occlusion`, `roughness`, `metalness`.
    */
   wgsl(group: number): string {
     return tileSampling(group, this.options.anisotropy, this.options.stride);
@@ -278,18 +292,42 @@ export class TileCache {
   }
 
   /**
-   * Puts another texture in the place of one that `add` gave as `textures`, under the same numbers: a file of which more has arrived.
+   * Adds a material in superblocks (codec `dct`), whose maps `texfold_tile_sample_material` looks up together, and gives its number. The maps of a tile
+   * are decoded together and share places of the pool. Maps that are missing read as 1, normals as (0, 0, 1). `texfold_tile_sample` of it gives base
+   * colour and opacity.
+   * @throws GpuError for maps of unlike size, of the kind "other", or two of a kind, which `add` takes; also as there. Nothing is added then.
+   */
+  async addMaterial(material: Texture, look: TileLook = {}): Promise<number> {
+    const prepared = await this.prepared(material);
+    try {
+      const free = this.held.indexOf(undefined);
+      if (free < 0) {
+        throw full("all textures are in use", "textures");
+      }
+      this.putMaterial(prepared, material, free, look);
+      return free;
+    } finally {
+      destroyUnused(prepared, this.held);
+    }
+  }
+
+  /**
+   * Puts another texture in the place of one that `add` gave as `textures`, or of one material, under the same numbers: a file of which more has arrived.
    * @throws GpuError as `add`, also where there is no room for both at once or the texture has fewer images: those from there on stay as they were.
    */
   async replace(textures: number[], texture: Texture): Promise<void> {
     const prepared = await this.prepared(texture);
     try {
       for (const [image, number] of textures.entries()) {
-        const look = this.held[number]?.look, next = prepared[image];
-        if (!look || !next) {
+        const held = this.held[number], next = prepared[image];
+        if (!held || !next) {
           throw new GpuError(`no image ${image}; the texture has ${prepared.length} images, or that of the cache was removed`);
         }
-        this.put(next, number, look);
+        if (held.isMaterial) {
+          this.putMaterial(prepared, texture, number, held.look);
+        } else {
+          this.put(next, number, held.look);
+        }
       }
     } finally {
       destroyUnused(prepared, this.held);
@@ -379,11 +417,12 @@ export class TileCache {
       if (own > MOST_LEVELS || stages.some((stage, number) => stage.level !== STAGE_LEVELS * number)) {
         throw new GpuError("an image is larger, or cut otherwise, than tiles expect; draw it with Gpu.draw()");
       }
-      const tails: Prepared["tails"] = [];
+      const tails: Prepared["tails"][number] = [];
       for (let level = tail; level < Math.min(Math.max(levels, tail + 1), fullLevels(size)); level++) {
         tails.push(await this.tailOf(uploaded, ofImage, layout, [image, level]));
       }
-      all.push({ size, levels, own, tail, stages, tails, image, uploaded: isInBlocks ? undefined : uploaded, pipeline });
+      const parts = [{ image, layer: 0 }];
+      all.push({ size, levels, own, tail, parts, stages, tails: [tails], image, uploaded: isInBlocks ? undefined : uploaded, pipeline });
     }
     if (isInBlocks) {
       uploaded?.destroy();
@@ -392,7 +431,7 @@ export class TileCache {
   }
 
   /** The texels of a level; of levels that the texture does not have, those in the middle of what each stands for. */
-  private async tailOf(uploaded: GpuTexture | undefined, stages: Blocks[], layout: Layout, [image, level]: [number, number]): Promise<Prepared["tails"][number]> {
+  private async tailOf(uploaded: GpuTexture | undefined, stages: Blocks[], layout: Layout, [image, level]: [number, number]): Promise<Prepared["tails"][number][number]> {
     const size = layout.images[image]!, { width, height } = atLevel(size, level);
     if (!uploaded) {
       const stage = stages.find((found) => level >= found.level && level < found.level + Math.min(found.levels, levelsOf(found.layout.size)));
@@ -415,9 +454,21 @@ export class TileCache {
     return texels;
   }
 
+  /** Puts the maps of a material under a number, in place of what has it. */
+  private putMaterial(prepared: Prepared[], { layout }: Texture, number: number, look: TileLook): void {
+    const { parts, isSrgb } = partsOf(layout!, layersOf(this.options.contents)), images = parts.map(({ image }) => prepared[image]!);
+    if (images.some(({ uploaded }) => uploaded)) {
+      throw refused("the texture is not in superblocks");
+    }
+    const [stages, tails] = [images.flatMap((image) => image.stages), images.flatMap((image) => image.tails)];
+    this.put({ ...images[0]!, parts, stages, tails }, number, { address: look.address ?? "repeat", srgb: look.srgb !== false && isSrgb });
+    this.held[number]!.isMaterial = true;
+  }
+
   /** Puts an image under a number, in place of the one that has it. */
   private put(image: Prepared, number: number, look: Required<TileLook>): void {
-    const words = Math.max(0, ...image.stages.map(mostWords));
+    const each = image.stages.length / image.parts.length, words = image.parts.reduce((sum, _, part) =>
+      sum + Math.max(0, ...image.stages.slice(each * part, each * (part + 1)).map(mostWords)), 0);
     if (4 * (words + BLOCK_WORDS) > this.options.scratchBytes) {
       throw full("a tile of this texture needs more scratch memory", "scratchBytes");
     }
@@ -440,7 +491,7 @@ export class TileCache {
     for (let level = 0; level < own; level++) {
       count += tilesOf(atLevel(size, level)).reduce((all, tiles) => all * tiles, 1);
     }
-    const held: Held = { look, pages: [0, 0], stages: [0, 0], data: [] };
+    const held: Held = { look, pages: [0, 0], stages: [0, 0], data: [], isMaterial: false };
     const taken = (from: Ranges, length: number, what: string, option: string): Range => {
       const range = length > 0 ? from.take(length) : ([0, 0] as Range);
       if (!range) {
@@ -501,31 +552,24 @@ export class TileCache {
   /** Column and row in quarters of tiles, and layer, of the tail of a texture. */
   private tailPlace(number: number): [number, number, number] {
     const side = this.on.pool.width / SIDE, slot = number >> 2;
-    return [2 * (slot % side) + (number & 1), 2 * (Math.floor(slot / side) % side) + ((number >> 1) & 1), Math.floor(slot / (side * side))];
+    const layer = Math.floor(slot / (side * side)) * layersOf(this.options.contents);
+    return [2 * (slot % side) + (number & 1), 2 * (Math.floor(slot / side) % side) + ((number >> 1) & 1), layer];
   }
 
-  private writeTail({ size, tail, tails }: Prepared, number: number, { address }: Required<TileLook>): void {
-    const texels = new Uint32Array(QUARTER * QUARTER);
-    const addressed = (at: number, all: number): number => (address === "clamp" ? clamped(at, 0, all - 1) : ((at % all) + all) % all);
-    tails.forEach((decoded, index) => {
-      const { width, height } = atLevel(size, tail + index), [left, top] = TAIL_PLACES[Math.min(index, TAIL_PLACES.length - 1)]!;
-      const from = new Uint32Array(decoded.buffer, decoded.byteOffset, width * height);
-      for (let y = -BORDER; y < height + BORDER; y++) {
-        for (let x = -BORDER; x < width + BORDER; x++) {
-          texels[(top! + BORDER + y) * QUARTER + left! + BORDER + x] = from[addressed(y, height) * width + addressed(x, width)]!;
-        }
-      }
-    });
-    const [column, row, layer] = this.tailPlace(number);
-    const origin = [column * QUARTER, row * QUARTER, layer];
-    this.gpu.device.queue.writeTexture({ texture: this.on.pool, origin }, texels, { bytesPerRow: 4 * QUARTER }, [QUARTER, QUARTER, 1]);
+  private writeTail(image: Prepared, number: number, look: Required<TileLook>): void {
+    const images = image.tails.map((tails) => tailTexels(image, tails, look)), [column, row, first] = this.tailPlace(number);
+    for (let layer = 0; layer < layersOf(this.options.contents); layer++) {
+      const texels = new Uint32Array(QUARTER * QUARTER).fill(0xffffffff), origin = [column * QUARTER, row * QUARTER, first + layer];
+      image.parts.forEach((part, at) => fill(part, layer, texels, images[at]!));
+      this.gpu.device.queue.writeTexture({ texture: this.on.pool, origin }, texels, { bytesPerRow: 4 * QUARTER }, [QUARTER, QUARTER, 1]);
+    }
   }
 
-  private writeRow({ size, levels, own, tail }: Prepared, number: number, { look, pages, stages, source }: Held): void {
+  private writeRow({ size, levels, own, tail, parts }: Prepared, number: number, { look, pages, stages, source }: Held): void {
     const row = new Uint32Array(TEXTURE_ROW_BYTES / 4);
     const [column, line, layer] = this.tailPlace(number);
     const flags = (look.srgb ? SRGB : 0) | (look.address === "clamp" ? CLAMP : 0);
-    row.set([size.width, size.height, levels | (tail << 8) | (flags << 16), column | (line << 8) | (layer << 16), stages[0], source?.number ?? 0]);
+    row.set([size.width, size.height, levels | (tail << 8) | (flags << 16), column | (line << 8) | (layer << 16), stages[0], source?.number ?? 0, ...partsRow(parts)]);
     for (let level = 0, first = pages[0]; level < own; level++) {
       const [columns, rows] = tilesOf(atLevel(size, level));
       row.set([first, columns!], 8 + 2 * level);
@@ -563,6 +607,9 @@ function destroyUnused(prepared: Prepared[], held: (Held | undefined)[]): void {
   }
 }
 
+/** Stages of all textures. */
+const mostStages = ({ textures, contents }: Required<TileOptions>): number => textures * MOST_STAGES * (contents === "textures" ? 1 : MOST_PARTS);
+
 const full = (what: string, option: string): GpuError => new GpuError(`the cache of tiles is full: ${what}; raise ${option} or remove textures`);
 const wordBytes = (bytes: number): number => Math.max(4, Math.ceil(bytes / 4) * 4);
 const clamped = (value: number, low: number, high: number): number => Math.min(Math.max(value, low), high);
@@ -576,6 +623,22 @@ function tailOf(size: Size): number {
     level++;
   }
   return level;
+}
+
+/** The texels of an image's tail, of a quarter of a tile. */
+function tailTexels({ size, tail }: Prepared, tails: Prepared["tails"][number], { address }: Required<TileLook>): Uint32Array {
+  const texels = new Uint32Array(QUARTER * QUARTER);
+  const addressed = (at: number, all: number): number => (address === "clamp" ? clamped(at, 0, all - 1) : ((at % all) + all) % all);
+  tails.forEach((decoded, index) => {
+    const { width, height } = atLevel(size, tail + index), [left, top] = TAIL_PLACES[Math.min(index, TAIL_PLACES.length - 1)]!;
+    const from = new Uint32Array(decoded.buffer, decoded.byteOffset, width * height);
+    for (let y = -BORDER; y < height + BORDER; y++) {
+      for (let x = -BORDER; x < width + BORDER; x++) {
+        texels[(top! + BORDER + y) * QUARTER + left! + BORDER + x] = from[addressed(y, height) * width + addressed(x, width)]!;
+      }
+    }
+  });
+  return texels;
 }
 
 /** Most words of scratch memory that a tile of a stage takes, of its coarsest level. */
@@ -618,7 +681,7 @@ function resourcesOf(device: GPUDevice, options: Required<TileOptions>, [side, l
     device.queue.writeBuffer(made, 0, data);
     return made;
   };
-  const settings = Uint32Array.of(slots, options.tilesPerUpdate, options.scratchBytes / 4, options.textures, side / SIDE, 0, 0, 0, 0, 0, 0, 0);
+  const settings = Uint32Array.of(slots, options.tilesPerUpdate, options.scratchBytes / 4, options.textures, side / SIDE, layersOf(options.contents), 0, 0, 0, 0, 0, 0);
   // A plane; the first byte of the streams, and the bytes of their only buffer.
   const steps = new Uint32Array((STEP_STRIDE / 4) * PLANES);
   for (let plane = 0; plane < PLANES; plane++) {
@@ -632,7 +695,7 @@ function resourcesOf(device: GPUDevice, options: Required<TileOptions>, [side, l
     pages: buffer(4 * options.pages),
     feedback: buffer(FEEDBACK_BYTES + 4 * options.pages, GPUBufferUsage.COPY_SRC),
     slots: buffer(4 * slots),
-    stages: buffer(STAGE_ROW_BYTES * options.textures * MOST_STAGES),
+    stages: buffer(STAGE_ROW_BYTES * mostStages(options)),
     plan: buffer(PLAN_BYTES),
     workgroups: buffer(12 * (3 + PLANES + options.textures), GPUBufferUsage.INDIRECT),
     options: uniform(new Uint8Array(settings.buffer)),

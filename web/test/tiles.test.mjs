@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { fileURLToPath } from "node:url";
 import { after, before, test } from "node:test";
 import { launch, open, serve } from "./browser.mjs";
-import { LONG } from "./support.mjs";
+import { LONG, MATERIAL } from "./support.mjs";
 
 const root = fileURLToPath(new URL("../..", import.meta.url));
 const browser = await launch();
@@ -114,6 +114,50 @@ test("textures come, are replaced and go, and a full cache is an error that name
     return window.tiles.bytes;
   });
   assert.ok(bytes > 1 << 22);
+  assert.deepEqual(faults, []);
+});
+
+test("maps of a material from one lookup equal decoded texels", options, async () => {
+  const url = `data:;base64,${MATERIAL}`;
+  const [material] = await cache([url], { contents: "materials" });
+  const { images: [size], maps } = await page.evaluate(async (url) => (await window.openFile(url)).layout, url);
+  // Of each map the layer that the page's shader shows, its first channel there, and how many there are.
+  const places = { color: [1, 0, 3], opacity: [1, 3, 1], normal: [2, 0, 3], roughness: [3, 1, 1] };
+  for (const level of [0, 1, 3]) {
+    const [width, height] = [size.width, size.height].map((side) => side >> level);
+    // Across a border of tiles on level 0.
+    const [x, y] = [width, height].map((side) => Math.max(0, Math.min(side - VIEW, 90)));
+    const region = { level, x, y, width: Math.min(VIEW, width), height: Math.min(VIEW, height) };
+    const wanted = await page.evaluate(([url, regions]) => window.decoded(url, regions), [url, maps.map((_, image) => ({ ...region, image }))]);
+    for (const [image, { kind }] of maps.entries()) {
+      const [layer, channel, count] = places[kind];
+      const view = await settled(material, level, [x, y], [width, height], layer), texels = Buffer.from(wanted[image].data, "base64");
+      let largest = 0;
+      for (let at = 0; at < region.width * region.height; at++) {
+        const [column, row] = [at % region.width, Math.floor(at / region.width)];
+        for (let own = 0; own < count; own++) {
+          largest = Math.max(largest, Math.abs(view[4 * (VIEW * row + column) + channel + own] - texels[4 * at + own]));
+        }
+      }
+      assert.ok(largest <= 1, `${kind}, level ${level}: ${largest}`);
+    }
+    // Maps that are missing.
+    const [data, second] = [await settled(material, level, [x, y], [width, height], 3), await settled(material, level, [x, y], [width, height], 2)];
+    assert.deepEqual([data[0], data[2], data[3], second[3]], [255, 255, 255, 255]);
+  }
+  // What follows under its number is looked up by itself.
+  await page.evaluate(async ([material, url]) => {
+    window.tiles.remove(material);
+    await window.tiles.add(await window.openFile(url), { srgb: false });
+  }, [material, file("dct")]);
+  const [wanted] = await page.evaluate(([url]) => window.decoded(url, [{ level: 0, x: 0, y: 0, width: 32, height: 32 }]), [file("dct")]);
+  const { images: [{ width, height }] } = await page.evaluate(async (url) => (await window.openFile(url)).layout, file("dct"));
+  assert.ok(difference(await settled(material, 0, [0, 0], [width, height]), wanted) <= 1);
+  const refused = (url) => page.evaluate(async (url) => window.tiles.addMaterial(await window.openFile(url)).then(() => "added", (error) => error.message), url);
+  assert.match(await refused(file("dct_material")), /its maps are of unlike size; add\(\) looks its maps up one by one/);
+  assert.match(await refused(file("dct")), /the texture has no maps/);
+  await cache([]);
+  assert.match(await refused(url), /the cache has no layers for such a map; make it for materials/);
   assert.deepEqual(faults, []);
 });
 

@@ -2,9 +2,23 @@
 
 use std::collections::{HashMap, HashSet};
 
-/// Endings of functions that renderers call.
-const PUBLIC: [&str; 7] =
-    ["_fetch", "_nearest", "_bilinear", "_sample_level", "_sample_grad", "_sample", "_sample_image"];
+/// Endings of functions that renderers call, and the struct that one of them returns.
+const PUBLIC: [&str; 11] = [
+    "_fetch",
+    "_nearest",
+    "_bilinear",
+    "_sample_level",
+    "_sample_grad",
+    "_sample",
+    "_sample_image",
+    "_sample_material",
+    "_sample_material_level",
+    "_sample_material_grad",
+    "TexfoldTileMaterial",
+];
+
+/// Members of that struct: they stay, too.
+const MEMBERS: [&str; 7] = ["color", "normal", "height", "emissive", "occlusion", "roughness", "metalness"];
 
 /// Names of WGSL that texts also declare, and the constant that pipelines set: they stay.
 const KEPT: [&str; 36] = [
@@ -78,7 +92,11 @@ fn declared(text: &str) -> Vec<&str> {
         }
     }
     let stays = |name: &str| {
-        name.len() < 3 || KEPT.contains(&name) || name.starts_with("TEXFOLD_") || is_public(name)
+        name.len() < 3
+            || KEPT.contains(&name)
+            || MEMBERS.contains(&name)
+            || name.starts_with("TEXFOLD_")
+            || is_public(name)
     };
     found.retain(|name| !stays(name) && *name != "default");
     found

@@ -60,7 +60,7 @@ use texfold::core::ImageSize;
 use texfold::core::image::{Depth, ImageLayout, PixelInfo};
 use texfold::{AnyImage, AnyTexture, BytesError, ColorSpace, Limits, LoadError};
 #[cfg(feature = "tiles")]
-pub use texfold_gpu::TileOptions;
+pub use texfold_gpu::{TileContents, TileOptions};
 #[cfg(feature = "tiles")]
 pub use tiles::{TexfoldFile, TexfoldFileLoader, TileMaterial, TilePlugin, Tiles};
 use wgpu_types::{Extent3d, TextureDimension, TextureFormat};

@@ -44,6 +44,9 @@ const ALPHA_MODE_SHIFT: u32 = 29;
 
 /// Draws [`TileMaterial`] from a cache of tiles; behind `DefaultPlugins`.
 ///
+/// With [`TileContents::Materials`](crate::TileContents::Materials) as the options' contents, all maps of a material of one size are found by one lookup and decoded together; they take
+/// three layers of the pool, four with emitted light. Else, and maps of unlike size, each is looked up by itself.
+///
 /// Where the cache cannot be made, as on a device with lower limits than the options take, that is logged and nothing of these materials
 /// is drawn.
 #[derive(Debug, Default, Clone, Copy)]
@@ -119,8 +122,28 @@ pub struct Tiles(Arc<Mutex<Held>>);
 struct Held {
     gpu: Gpu,
     cache: TileCache,
-    /// The images of files, with their kinds.
-    files: HashMap<AssetId<TexfoldFile>, Vec<(Option<MapKind>, TileTexture)>>,
+    files: HashMap<AssetId<TexfoldFile>, Images>,
+}
+
+/// The images of a file in the cache.
+enum Images {
+    /// Each looked up by itself, with the kinds of maps.
+    Apart(Vec<(Option<MapKind>, TileTexture)>),
+    /// Maps of a material from one lookup, and their kinds.
+    Material(TileTexture, Vec<MapKind>),
+}
+
+impl Images {
+    /// The number of a map in the cache, or [`NO_MAP`].
+    fn of_kind(&self, kind: MapKind) -> u32 {
+        let found = match self {
+            Images::Apart(images) => {
+                images.iter().find(|(found, _)| *found == Some(kind)).map(|(_, own)| own)
+            }
+            Images::Material(texture, kinds) => kinds.contains(&kind).then_some(texture),
+        };
+        found.map_or(NO_MAP, |texture| texture.index())
+    }
 }
 
 impl Tiles {
@@ -145,17 +168,32 @@ impl Held {
     fn add(&mut self, id: AssetId<TexfoldFile>, file: &TexfoldFile) -> Result<(), GpuError> {
         self.remove(id);
         let encoded = file.0.as_encoded();
-        let textures = self.cache.add(&self.gpu, encoded, TileLook::default())?;
         let maps = &encoded.layout().maps;
+        if !maps.is_empty() {
+            match self.cache.add_material(&self.gpu, encoded, TileLook::default()) {
+                Ok(texture) => {
+                    let kinds = maps.iter().map(|map| map.kind).collect();
+                    self.files.insert(id, Images::Material(texture, kinds));
+                    return Ok(());
+                }
+                // Maps of unlike size, or a cache without layers for them.
+                Err(GpuError::Material { .. }) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        let textures = self.cache.add(&self.gpu, encoded, TileLook::default())?;
         let kinds = (0..).map(|number: usize| maps.get(number).map(|map| map.kind));
-        self.files.insert(id, kinds.zip(textures).collect());
+        self.files.insert(id, Images::Apart(kinds.zip(textures).collect()));
         Ok(())
     }
 
     fn remove(&mut self, id: AssetId<TexfoldFile>) {
-        for (_, texture) in self.files.remove(&id).into_iter().flatten() {
-            self.cache.remove(&self.gpu, texture);
-        }
+        let textures = match self.files.remove(&id) {
+            Some(Images::Apart(images)) => images.into_iter().map(|(_, texture)| texture).collect(),
+            Some(Images::Material(texture, _)) => vec![texture],
+            None => Vec::new(),
+        };
+        textures.into_iter().for_each(|texture| self.cache.remove(&self.gpu, texture));
     }
 }
 
@@ -231,15 +269,13 @@ impl TileMaterial {
     /// The material as `TexfoldMaterial` of the shader; `None` before its file is loaded.
     fn uniform(&self, held: &Held) -> Option<[u8; 96]> {
         let images = held.files.get(&self.file.id())?;
-        let of_kind = |kind| {
-            let found = images.iter().find(|(found, _)| *found == Some(kind));
-            found.map_or(NO_MAP, |(_, texture)| texture.index())
+        let base_color = match images {
+            Images::Apart(all) if all.iter().all(|(kind, _)| kind.is_none()) => {
+                all.get(self.image as usize).map_or(NO_MAP, |(_, texture)| texture.index())
+            }
+            _ => images.of_kind(MapKind::BaseColor),
         };
-        let base_color = if images.iter().any(|(kind, _)| kind.is_some()) {
-            of_kind(MapKind::BaseColor)
-        } else {
-            images.get(self.image as usize).map_or(NO_MAP, |(_, texture)| texture.index())
-        };
+        let material = if let Images::Material(texture, _) = images { texture.index() } else { NO_MAP };
         let (mode, cutoff) = match self.alpha_mode {
             AlphaMode::Opaque => (0, 0.5),
             AlphaMode::Mask(cutoff) => (1, cutoff),
@@ -263,9 +299,9 @@ impl TileMaterial {
             MapKind::Occlusion,
             MapKind::Opacity,
         ];
-        let flags = [unlit | FOG | (mode << ALPHA_MODE_SHIFT), u32::from(self.packed_occlusion), 0, 0];
+        let flags = [unlit | FOG | (mode << ALPHA_MODE_SHIFT), u32::from(self.packed_occlusion), material, 0];
         let mut bytes = [0; 96];
-        let words = floats.chain([base_color]).chain(maps.map(of_kind)).chain(flags);
+        let words = floats.chain([base_color]).chain(maps.map(|kind| images.of_kind(kind))).chain(flags);
         for (bytes, word) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(words) {
             *bytes = word.to_le_bytes();
         }

@@ -19,7 +19,8 @@ struct TexfoldMaterial {
     maps: vec4<u32>,
     // Roughness, metalness, occlusion, opacity.
     further: vec4<u32>,
-    // Flags of StandardMaterial; whether occlusion stands in red beside roughness and metalness.
+    // Flags of StandardMaterial; whether occlusion stands in red beside roughness and metalness; the material whose maps are looked up together, or
+    // TEXFOLD_NO_MAP.
     flags: vec4<u32>,
 }
 
@@ -35,6 +36,32 @@ fn texfold_map(map: u32, uv: vec2<f32>, otherwise: vec4<f32>) -> vec4<f32> {
     return texfold_tile_sample(map, uv);
 }
 
+// All maps at texture coordinates; of those that are missing what stands for them. Normals are from 0 to 1, as Bevy takes them.
+fn texfold_maps(material: TexfoldMaterial, uv: vec2<f32>) -> TexfoldTileMaterial {
+    let has_packed = material.maps.z != TEXFOLD_NO_MAP;
+    var maps: TexfoldTileMaterial;
+    if material.flags.z != TEXFOLD_NO_MAP {
+        maps = texfold_tile_sample_material(material.flags.z, uv);
+        maps.normal = maps.normal * 0.5 + 0.5;
+        let has = material.further != vec4<u32>(TEXFOLD_NO_MAP);
+        maps.roughness = select(material.factors.x, maps.roughness, has.x || has_packed);
+        maps.metalness = select(material.factors.y, maps.metalness, has.y || has_packed);
+        maps.occlusion = select(1.0, maps.occlusion, has.z || material.flags.y != 0u);
+        maps.emissive = select(vec3<f32>(0.0), maps.emissive, material.maps.w != TEXFOLD_NO_MAP);
+        return maps;
+    }
+    maps.color = texfold_map(material.maps.x, uv, vec4<f32>(1.0));
+    maps.color.a *= texfold_map(material.further.w, uv, vec4<f32>(1.0)).x;
+    let packed = texfold_map(material.maps.z, uv, vec4<f32>(1.0, material.factors.xy, 1.0));
+    maps.roughness = texfold_map(material.further.x, uv, packed.yyyy).x;
+    maps.metalness = texfold_map(material.further.y, uv, packed.zzzz).x;
+    let beside = select(1.0, packed.x, material.flags.y != 0u);
+    maps.occlusion = texfold_map(material.further.z, uv, vec4<f32>(beside)).x;
+    maps.emissive = texfold_map(material.maps.w, uv, vec4<f32>(0.0)).rgb;
+    maps.normal = texfold_map(material.maps.y, uv, vec4<f32>(0.5, 0.5, 1.0, 1.0)).xyz;
+    return maps;
+}
+
 @fragment
 fn fragment(in: VertexOutput, @builtin(front_facing) is_front: bool) -> @location(0) vec4<f32> {
     let material = texfold_material;
@@ -46,22 +73,16 @@ fn fragment(in: VertexOutput, @builtin(front_facing) is_front: bool) -> @locatio
 #else
     let uv = vec2<f32>(0.0);
 #endif
-    let color = texfold_map(material.maps.x, uv, vec4<f32>(1.0)) * material.base_color;
-    let opacity = texfold_map(material.further.w, uv, vec4<f32>(1.0)).x;
-    pbr.material.base_color =
-        pbr_functions::alpha_discard(pbr.material, vec4<f32>(color.rgb, color.a * opacity));
+    let maps = texfold_maps(material, uv);
+    pbr.material.base_color = pbr_functions::alpha_discard(pbr.material, maps.color * material.base_color);
     if (material.flags.x & pbr_types::STANDARD_MATERIAL_FLAGS_UNLIT_BIT) != 0u {
         return pbr_functions::main_pass_post_lighting_processing(pbr, pbr.material.base_color);
     }
-    let packed = texfold_map(material.maps.z, uv, vec4<f32>(1.0, material.factors.xy, 1.0));
-    pbr.material.perceptual_roughness = texfold_map(material.further.x, uv, packed.yyyy).x;
-    pbr.material.metallic = texfold_map(material.further.y, uv, packed.zzzz).x;
-    let beside = select(1.0, packed.x, material.flags.y != 0u);
-    let occlusion = texfold_map(material.further.z, uv, vec4<f32>(beside)).x;
-    pbr.diffuse_occlusion = vec3<f32>(occlusion);
-    pbr.specular_occlusion = occlusion;
-    let emitted = texfold_map(material.maps.w, uv, vec4<f32>(0.0)).rgb * material.emissive.rgb;
-    pbr.material.emissive = vec4<f32>(emitted, material.emissive.a);
+    pbr.material.perceptual_roughness = maps.roughness;
+    pbr.material.metallic = maps.metalness;
+    pbr.diffuse_occlusion = vec3<f32>(maps.occlusion);
+    pbr.specular_occlusion = maps.occlusion;
+    pbr.material.emissive = vec4<f32>(maps.emissive * material.emissive.rgb, material.emissive.a);
     pbr.frag_coord = in.position;
     pbr.world_position = in.world_position;
     pbr.is_orthographic = view.clip_from_view[3].w == 1.0;
@@ -71,8 +92,7 @@ fn fragment(in: VertexOutput, @builtin(front_facing) is_front: bool) -> @locatio
 #ifdef VERTEX_TANGENTS
     if material.maps.y != TEXFOLD_NO_MAP {
         let frame = pbr_functions::calculate_tbn_mikktspace(pbr.world_normal, in.world_tangent);
-        let normal = texfold_tile_sample(material.maps.y, uv).xyz;
-        pbr.N = pbr_functions::apply_normal_mapping(material.flags.x, frame, false, is_front, normal);
+        pbr.N = pbr_functions::apply_normal_mapping(material.flags.x, frame, false, is_front, maps.normal);
     }
 #endif
     pbr.flags = mesh[in.instance_index].flags;

@@ -14,7 +14,7 @@ use bevy::render::gpu_readback::{Readback, ReadbackComplete};
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureUsages};
 use bevy::render::renderer::RenderAdapterInfo;
 use bevy::window::ExitCondition;
-use texfold_bevy::{TexfoldPlugin, TileMaterial, TileOptions, TilePlugin, Tiles};
+use texfold_bevy::{TexfoldPlugin, TileContents, TileMaterial, TileOptions, TilePlugin, Tiles};
 use wgpu_types::DeviceType;
 
 const GOLDEN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/golden");
@@ -29,7 +29,11 @@ struct Stage {
 }
 
 impl Stage {
-    fn new((width, height): (u32, u32)) -> Stage {
+    fn new(size: (u32, u32)) -> Stage {
+        Stage::with(TileContents::Textures, size)
+    }
+
+    fn with(contents: TileContents, (width, height): (u32, u32)) -> Stage {
         let mut app = App::new();
         let window = WindowPlugin {
             primary_window: None,
@@ -37,8 +41,13 @@ impl Stage {
             ..Default::default()
         };
         // Software Vulkan blurs what it filters along footprints.
-        let options =
-            TileOptions { anisotropy: 1, pool_bytes: 4 << 20, textures: 16, ..TileOptions::default() };
+        let options = TileOptions {
+            anisotropy: 1,
+            pool_bytes: 4 << 20,
+            textures: 16,
+            contents,
+            ..TileOptions::default()
+        };
         let assets = AssetPlugin { file_path: GOLDEN.to_owned(), ..Default::default() };
         let render = RenderPlugin { synchronous_pipeline_compilation: true, ..Default::default() };
         app.add_plugins((
@@ -145,6 +154,24 @@ fn an_image_is_drawn_as_it_is_decoded() {
         let drawn = stage.frame_where(|frame| apart(frame, &expected) <= bound);
         assert!(apart(&drawn, &expected) <= bound, "{file}: {}", apart(&drawn, &expected));
     }
+}
+
+#[test]
+fn maps_from_one_lookup_look_as_one_by_one() {
+    let contents = [TileContents::Textures, TileContents::Materials { emissive: false }];
+    let [one_by_one, together] = contents.map(|contents| {
+        let mut stage = Stage::with(contents, (128, 128));
+        let light = Transform::from_xyz(60.0, 40.0, 50.0).looking_at(Vec3::ZERO, Vec3::Y);
+        stage.app.world_mut().spawn((DirectionalLight { illuminance: 5000.0, ..Default::default() }, light));
+        let file = stage.load("dct_maps.txf");
+        stage.fill(TileMaterial { file, metallic: 0.6, ..Default::default() });
+        stage.frame_where(|frame| frame.chunks(4).any(|texel| texel[..3] != [0; 3]));
+        // Until all tiles are decoded.
+        (0..30).for_each(|_| stage.app.update());
+        stage.frame_where(|_| true)
+    });
+    assert!(one_by_one.chunks(4).any(|texel| texel[..3] != [0; 3]));
+    assert!(apart(&one_by_one, &together) <= 2, "{}", apart(&one_by_one, &together));
 }
 
 #[test]

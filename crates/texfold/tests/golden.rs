@@ -99,6 +99,13 @@ fn maps_of_a_material_decode_as_ever() {
     assert_eq!(found, [("color", "m_BaseColor"), ("normal", "m_Normal"), ("height", "m_Height")]);
 }
 
+/// Maps of a material, of one size: the fixtures cutout, normal_map, ramp and zebra as `m_BaseColor.png`, `m_Normal.png`, `m_Roughness.png` and
+/// `m_Height.png`, written as those above.
+#[test]
+fn maps_of_one_size_decode_as_ever() {
+    assert_decodes("dct_maps", &[0, 1, 2, 3].map(|map| format!("dct_maps-00{map}.png")));
+}
+
 /// An epitome and coarse mip levels in blocks of variable length, written by
 /// `texfold compress fixtures/images/tile_repeat.png --codec epitome --effort fast --psnr 30 --mips --out .`
 /// and its images by `texfold decompress tile_repeat.txf --out .` without and with `--lod LEVEL`.

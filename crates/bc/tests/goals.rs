@@ -4,7 +4,7 @@
 
 use texfold_bc::{Bc, BcParams, BcTexture, Content};
 use texfold_core::image::{ColorSpace, ImageSet, Raster};
-use texfold_core::metric::measure;
+use texfold_core::metric::{measure, quality};
 use texfold_core::rng::Rng;
 use texfold_core::{Encoded, Encoder, Goal, ImageSize, Job};
 
@@ -73,5 +73,25 @@ fn memory_is_what_the_form_for_gpus_takes() {
             assert_eq!(texture.memory(), texture.gpu().memory(), "{content:?} {mips}");
             assert_eq!(texture.memory().compressed, texture.footprint().bits_memory());
         }
+    }
+}
+
+#[test]
+fn blocks_are_no_nearer_to_images_than_the_images_reduced() {
+    for name in ["facade", "noise", "ramp", "normal_map", "gray", "cutout", "zebra", "terrain"] {
+        let set = ImageSet::single(texfold_testkit::image(name));
+        for bpp in [0.05, 0.5, 1.0, 2.0] {
+            let params = BcParams::default().with_goal(Goal::Bpp(bpp));
+            let reduced = Bc::reduced(&set, &params, bpp, &mut Job::default()).unwrap();
+            let of = |texture: &BcTexture| quality(&set, texture).color.psnr();
+            let (blocks, reduced) = (of(&encode(&set, &params)), reduced.map(|reduced| of(&reduced)));
+            assert!(
+                reduced.is_none_or(|reduced| blocks < reduced + 0.3),
+                "{name} at {bpp}: {blocks} dB of {reduced:?}"
+            );
+            assert_eq!(reduced.is_none(), bpp < 0.06, "{name} at {bpp}");
+        }
+        // Blocks at full size.
+        assert!(Bc::reduced(&set, &BcParams::default(), 8.0, &mut Job::default()).unwrap().is_none());
     }
 }

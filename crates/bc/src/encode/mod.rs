@@ -42,6 +42,34 @@ impl Encoder for Bc {
     }
 }
 
+impl Bc {
+    /// The images reduced to the largest size that blocks of so many bits a texel have, without compression: no such blocks are nearer to them, but for
+    /// errors that happen to cancel. `None` where that is the full size, or blocks have more bits at any size.
+    ///
+    /// # Errors
+    /// [`EncodeError`] for images or parameters that [`Encoder::encode`] refuses, and where the job was cancelled.
+    pub fn reduced(
+        source: &ImageSet,
+        params: &BcParams,
+        bpp: f64,
+        job: &mut Job<'_>,
+    ) -> Result<Option<BcTexture>, EncodeError> {
+        params.check()?;
+        source.check_images()?;
+        let candidates = candidates(source.info(), params)?;
+        let within = candidates.iter().filter(|candidate| candidate.bpp <= bpp);
+        let Some(reduce_log2 @ 1..) = within.map(|candidate| candidate.reduce_log2).min() else {
+            return Ok(None);
+        };
+        let candidate = Candidate { content: Content::Raw, reduce_log2, bpp };
+        let params = BcParams { mips: false, ..params.clone() };
+        job.holding(source.texel_count().saturating_mul(BYTES_PER_TEXEL), |job| {
+            let cancel = job.cancel_check();
+            job.install(|| compress(source, candidate, &params, cancel)).map(Some)
+        })
+    }
+}
+
 fn encode(source: &ImageSet, params: &BcParams, job: &mut Job<'_>) -> Result<BcTexture, EncodeError> {
     params.check()?;
     source.check_images()?;

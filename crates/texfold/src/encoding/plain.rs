@@ -99,15 +99,22 @@ fn plain_after<C: ImageEncoder>(
     // The content of the settings is that of a part of the method.
     let mut plain: BcParams = settings.params::<Bc>();
     (plain.content, plain.goal) = (None, goal);
-    let mut quick = plain.clone();
-    quick.effort = Effort::Fast;
-    let quick = job.within(quick_from, plain_from, |job| Bc::encode(images, &quick, job))?;
     let needed = match settings.goal {
         Goal::Psnr(psnr) if met => psnr,
         _ => of_method.psnr,
     };
-    let far = measure(images, &quick, settings.goal).psnr + EFFORT_GAIN < needed;
-    if far && met && !matches!(settings.goal, Goal::Tolerance(_)) {
+    let is_far = |texture: &BcTexture| measure(images, texture, settings.goal).psnr + EFFORT_GAIN < needed;
+    let can_be_far = met && !matches!(settings.goal, Goal::Tolerance(_));
+    let reduced = match goal {
+        Goal::Bpp(bpp) if can_be_far => Bc::reduced(images, &plain, bpp, job)?,
+        _ => None,
+    };
+    let far = reduced.is_some_and(|reduced| is_far(&reduced)) || {
+        let mut quick = plain.clone();
+        quick.effort = Effort::Fast;
+        is_far(&job.within(quick_from, plain_from, |job| Bc::encode(images, &quick, job))?)
+    };
+    if far && can_be_far {
         job.stage("done", 1.0)?;
         return Ok(method);
     }

@@ -1,8 +1,8 @@
-//! How much goes on in superblocks at a step: bits and errors of an image are estimated from those of a part of its superblocks by it.
+//! Activity of superblocks at a step, which scales bits and errors of a part of an image's superblocks to those of all.
 //!
 //! Source: He and Mitra, "Optimum bit allocation and accurate rate control for video coding via rho-domain source modeling", 2002: bits are
-//! nearly proportional to the number of coefficients that are not zero. That number of the whole image, divided by that of the part, is
-//! what the part's bits are multiplied by; squared errors alike, by those of a quantiser with a dead zone.
+//! nearly proportional to the number of coefficients that are not zero. The part's bits are multiplied by that number of the whole image,
+//! divided by that of the part; squared errors likewise, by the errors of a quantiser with a dead zone.
 
 use super::forward::Block;
 use crate::scan::COEFFICIENTS;
@@ -25,7 +25,7 @@ pub(super) struct Activity {
 }
 
 impl Activity {
-    /// Adds the coefficients of a block. `inverse` has 1 / step of each, 0 for those that are not coded; `weights` what a squared step counts.
+    /// Adds the coefficients of a block. `inverse` has 1 / step of each, 0 for those that are not coded; `weights` those of squared steps.
     pub(super) fn add(
         &mut self,
         block: &Block,
@@ -51,7 +51,7 @@ impl Activity {
         self.error += f64::from(error.iter().sum::<f32>());
     }
 
-    /// What this part's bits and errors are multiplied by where those of `all` are estimated; `usual` where one of them has none.
+    /// Factors of this part's bits and errors, for estimates of those of `all`; `usual` where one of them has none.
     pub(super) fn factors(&self, all: &Activity, usual: f64) -> (f64, f64) {
         let ratio = |part: f64, all: f64| if part > 0.0 && all > 0.0 { all / part } else { usual };
         (ratio(self.coded, all.coded), ratio(self.error, all.error))

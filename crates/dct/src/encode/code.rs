@@ -380,7 +380,7 @@ impl PlaneQuantiser<'_> {
         parts.into_iter().collect::<Option<Vec<Part>>>().ok_or(EncodeError::Cancelled)
     }
 
-    /// What bits and errors of every `stride`th superblock are multiplied by for those of all.
+    /// Factors of bits and errors of every `stride`th superblock, for estimates of those of all.
     fn factors(&self, stride: usize) -> (f64, f64) {
         let shape = self.shape();
         let all = parallel::map(shape.blocks.1, |row| self.activity((0..shape.blocks.0).map(|at| (at, row))));
@@ -406,7 +406,7 @@ impl PlaneQuantiser<'_> {
         activity
     }
 
-    /// What a squared step of each coefficient of an axis counts.
+    /// Weight of a squared step of each coefficient of an axis.
     fn weights_of(&self, axis: usize) -> &[f32; COEFFICIENTS] {
         // The errors of a cut-out are clamped away, mostly.
         if self.coefficients.cutout == Some(axis) { &[0.0; COEFFICIENTS] } else { &self.weights }

@@ -109,12 +109,13 @@ fn plain_after<C: ImageEncoder>(
         Goal::Bpp(bpp) if can_be_far => Bc::reduced(images, &plain, bpp, job)?,
         _ => None,
     };
-    let far = reduced.is_some_and(|reduced| is_far(&reduced)) || {
-        let mut quick = plain.clone();
-        quick.effort = Effort::Fast;
-        is_far(&job.within(quick_from, plain_from, |job| Bc::encode(images, &quick, job))?)
-    };
-    if far && can_be_far {
+    let far = reduced.is_some_and(|reduced| is_far(&reduced))
+        || can_be_far && {
+            let mut quick = plain.clone();
+            quick.effort = Effort::Fast;
+            is_far(&job.within(quick_from, plain_from, |job| Bc::encode(images, &quick, job))?)
+        };
+    if far {
         job.stage("done", 1.0)?;
         return Ok(method);
     }

@@ -7,7 +7,7 @@ import { GpuError } from "./gpu.js";
 /** Most images of a tile. */
 export const MOST_PARTS = 8;
 
-/** What a cache holds: textures, each looked up by itself, or materials without or with emitted light. */
+/** Contents of a cache: textures, each looked up by itself, or materials without or with emitted light. */
 export type TileContents = "textures" | "materials" | "emissiveMaterials";
 
 /** Layers of the pool that a tile takes. */
@@ -24,7 +24,7 @@ export interface Part {
   channel?: number;
 }
 
-/** The two words of a texture's row that tell of its parts. */
+/** The two words of a texture's row for its parts. */
 export function partsRow(parts: Part[]): [number, number] {
   let channels = 0, shape = parts.length;
   parts.forEach(({ layer, channel }, number) => {

@@ -37,7 +37,7 @@ const LEAST_SUPERBLOCKS: usize = 64;
 const ESTIMATED: usize = 256;
 /// Bits of a superblock beside those of its symbols: some 11 of its length in the index, 6.5 of whole words in its stream.
 const SUPERBLOCK_BITS: f64 = 17.5;
-/// Share of squared errors that deblocking and the clamping of samples leave: 0.2 dB is the median of 14 images at 32 and at 40 dB.
+/// Share of squared errors that deblocking and the clamping of samples leave: 0.2 dB is the median of 11 images at 32 and at 40 dB.
 const DEBLOCKED: f64 = 0.955;
 /// Superblocks that a thread quantises one after the other.
 const PART: usize = 16;

@@ -36,7 +36,8 @@ fn texfold_map(map: u32, uv: vec2<f32>, otherwise: vec4<f32>) -> vec4<f32> {
     return texfold_tile_sample(map, uv);
 }
 
-// All maps at texture coordinates; of those that are missing what stands for them. Normals are from 0 to 1, as Bevy takes them.
+// Maps at texture coordinates, with the material's factors for those that are missing; unlit ones have a color alone where maps are looked up one by
+// one. Normals are from 0 to 1, as Bevy takes them.
 fn texfold_maps(material: TexfoldMaterial, uv: vec2<f32>) -> TexfoldTileMaterial {
     let has_packed = material.maps.z != TEXFOLD_NO_MAP;
     var maps: TexfoldTileMaterial;
@@ -52,13 +53,18 @@ fn texfold_maps(material: TexfoldMaterial, uv: vec2<f32>) -> TexfoldTileMaterial
     }
     maps.color = texfold_map(material.maps.x, uv, vec4<f32>(1.0));
     maps.color.a *= texfold_map(material.further.w, uv, vec4<f32>(1.0)).x;
+    if (material.flags.x & pbr_types::STANDARD_MATERIAL_FLAGS_UNLIT_BIT) != 0u {
+        return maps;
+    }
     let packed = texfold_map(material.maps.z, uv, vec4<f32>(1.0, material.factors.xy, 1.0));
     maps.roughness = texfold_map(material.further.x, uv, packed.yyyy).x;
     maps.metalness = texfold_map(material.further.y, uv, packed.zzzz).x;
     let beside = select(1.0, packed.x, material.flags.y != 0u);
     maps.occlusion = texfold_map(material.further.z, uv, vec4<f32>(beside)).x;
     maps.emissive = texfold_map(material.maps.w, uv, vec4<f32>(0.0)).rgb;
+#ifdef VERTEX_TANGENTS
     maps.normal = texfold_map(material.maps.y, uv, vec4<f32>(0.5, 0.5, 1.0, 1.0)).xyz;
+#endif
     return maps;
 }
 

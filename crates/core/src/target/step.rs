@@ -137,12 +137,11 @@ pub struct StepScale {
 }
 
 impl StepScale {
-    /// The scale of a search at that effort: at [`Effort::Fast`] it ends within 1 % of the bits or of a block's error, or 0.09 dB, else
-    /// within 0.2 % or 0.02 dB.
+    /// The scale of a search at that effort: at [`Effort::Fast`] it ends within 1 % of the bits or of a block's error, or 0.09 dB, of the goal, else as
+    /// near as `self`.
     #[must_use]
     pub fn at(self, effort: Effort) -> Self {
-        let near = if effort == Effort::Fast { 0.0145 } else { 0.003 };
-        StepScale { near, ..self }
+        if effort == Effort::Fast { StepScale { near: 0.0145, ..self } } else { self }
     }
 }
 

@@ -50,7 +50,8 @@ impl Entry {
 const ADDRESS: &str = include_str!("../wgsl/shared/address.wgsl");
 const SAMPLE: &str = include_str!("../wgsl/shared/sample.wgsl");
 const BLOCK_PASS: &str = include_str!("../wgsl/block_pass.wgsl");
-const BLOCK: &str = include_str!("../wgsl/block.wgsl");
+const BLOCK: &str =
+    concat!(include_str!("../wgsl/block.wgsl"), "\n", include_str!("../wgsl/block_intra.wgsl"));
 const BLOCK_TEXEL: &str = include_str!("../wgsl/entry/block_texel.wgsl");
 const BLOCK_SHARE: &str = include_str!("../wgsl/entry/block_share.wgsl");
 const VIEW: &str = include_str!("../wgsl/entry/view.wgsl");
@@ -105,8 +106,8 @@ impl DctTarget {
 
 /// A whole compute shader that decodes textures in blocks of variable length. Group 0: [`DctPass`]es, 256 bytes each and six bound, words,
 /// streams and scratch memory; group 1, of `write_texels` alone: where texels go, and the target. Its functions, in their order, are
-/// `read_superblocks` for all planes, a row of workgroups each, `transform_blocks` for each plane, `deblock_columns` and `deblock_rows` for the last one where it is
-/// deblocked, then `write_texels`.
+/// `read_superblocks` for all planes, a row of workgroups each, `transform_blocks` for each plane; for the last one `predict_blocks` where its
+/// blocks have intra modes, `deblock_columns` and `deblock_rows` where it is deblocked; then `write_texels`.
 #[must_use]
 pub fn block(target: DctTarget) -> String {
     let target = match target {

@@ -8,7 +8,7 @@ use texfold_core::{DCT_LEVELS, DctLayout, ImageSize, Rect, RegionError, dct_plan
 const SIDE: u32 = 8;
 /// Samples of a block, and words that the decoder holds for it.
 pub const BLOCK_WORDS: u32 = 64;
-/// Words that the decoder keeps of a block's axis beside its coefficients: the symbol of their number, then in two words each
+/// Words that the decoder keeps of a block's axis beside its coefficients: the symbol of their number and the block's intra mode behind 8 bits, then in two words each
 /// which of them are not zero and what signs those have.
 pub const BLOCK_NOTES: u32 = 5;
 /// Streams that a workgroup of `read_superblocks` reads, one an invocation. Lanes of a GPU wait for the longest of their streams and
@@ -61,7 +61,7 @@ pub struct DctPass {
     pub base_samples: u32,
     /// First word of the steps.
     pub steps: u32,
-    /// Both reconstruction offsets, 8 bits each; bit 16 where quantisers are dependent.
+    /// Both reconstruction offsets, 8 bits each; bit 16 where quantisers are dependent, bit 17 where blocks of the image have intra modes.
     pub offsets: u32,
     /// First word of the index.
     pub index: u32,
@@ -75,6 +75,14 @@ pub struct DctPass {
     pub tables: u32,
     /// First byte of the streams.
     pub streams: u32,
+}
+
+impl DctPass {
+    /// Whether blocks of the plane may have intra modes.
+    #[must_use]
+    pub fn has_modes(&self) -> bool {
+        self.is_base == 0 && self.offsets >> 17 & 1 == 1
+    }
 }
 
 /// What a rectangle needs.

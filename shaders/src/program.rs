@@ -114,6 +114,8 @@ pub enum DctEntry {
     Read,
     /// Transforms the blocks of a plane.
     Transform,
+    /// Adds intra predictions to the blocks of the image.
+    Predict,
     /// Filters borders between columns of blocks.
     DeblockColumns,
     /// Filters borders between rows of blocks.
@@ -124,9 +126,10 @@ pub enum DctEntry {
 
 impl DctEntry {
     /// All of them, in the order in which they are first called.
-    pub const ALL: [DctEntry; 5] = [
+    pub const ALL: [DctEntry; 6] = [
         DctEntry::Read,
         DctEntry::Transform,
+        DctEntry::Predict,
         DctEntry::DeblockColumns,
         DctEntry::DeblockRows,
         DctEntry::Write,
@@ -138,6 +141,7 @@ impl DctEntry {
         match self {
             DctEntry::Read => "read_superblocks",
             DctEntry::Transform => "transform_blocks",
+            DctEntry::Predict => "predict_blocks",
             DctEntry::DeblockColumns => "deblock_columns",
             DctEntry::DeblockRows => "deblock_rows",
             DctEntry::Write => "write_texels",
@@ -269,6 +273,11 @@ impl DctProgram {
             let blocks = pass.held[0] * pass.held[1] * pass.axes;
             let groups = [blocks.div_ceil(BLOCKS), 1, 1];
             self.dispatches.push(dispatch(DctEntry::Transform, offset, groups));
+            if pass.has_modes() {
+                let superblocks = pass.count[0] * pass.count[1];
+                let groups = [superblocks.div_ceil(BLOCK_STREAMS), pass.axes, 1];
+                self.dispatches.push(dispatch(DctEntry::Predict, offset, groups));
+            }
             if pass.deblocking > 0 {
                 self.dispatches.push(dispatch(DctEntry::DeblockColumns, offset, groups));
                 self.dispatches.push(dispatch(DctEntry::DeblockRows, offset, groups));

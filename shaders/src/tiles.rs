@@ -24,7 +24,7 @@ pub fn tile_plan() -> String {
 }
 
 /// A whole compute shader that decodes tiles of superblocks. Its functions, in their order: `clear_scratch`, `read_superblocks`; for each plane
-/// `transform_blocks`; `deblock_columns`, `deblock_rows`, `write_tiles`.
+/// `transform_blocks`; `predict_blocks`, `deblock_columns`, `deblock_rows`, `write_tiles`.
 #[must_use]
 pub fn tile_passes() -> String {
     let entry = include_str!("../wgsl/entry/tiles.wgsl");

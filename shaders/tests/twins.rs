@@ -46,9 +46,14 @@ const TWINS: [Twin; 10] = [
     },
     Twin {
         name: "block",
-        wgsl: &[include_str!("../wgsl/block_pass.wgsl"), include_str!("../wgsl/block.wgsl")],
+        wgsl: &[
+            include_str!("../wgsl/block_pass.wgsl"),
+            include_str!("../wgsl/block.wgsl"),
+            include_str!("../wgsl/block_intra.wgsl"),
+        ],
         rust: concat!(
             include_str!("../../crates/testkit/src/dct/mod.rs"),
+            include_str!("../../crates/testkit/src/dct/intra.rs"),
             include_str!("../../crates/testkit/src/dct/samples.rs")
         ),
     },

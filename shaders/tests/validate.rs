@@ -79,7 +79,14 @@ fn block_decoders_are_valid_and_bind_little() {
         let names: Vec<&str> = composed.entry_points.iter().map(|entry| entry.name.as_str()).collect();
         assert_eq!(
             names,
-            ["read_superblocks", "transform_blocks", "deblock_columns", "deblock_rows", "write_texels"]
+            [
+                "read_superblocks",
+                "transform_blocks",
+                "predict_blocks",
+                "deblock_columns",
+                "deblock_rows",
+                "write_texels"
+            ]
         );
         assert!(
             composed.entry_points.iter().all(|entry| entry.workgroup_size.iter().product::<u32>() <= 256)

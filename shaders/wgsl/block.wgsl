@@ -22,6 +22,8 @@ const TEXFOLD_BLOCK_ODD_TABLES: u32 = 48u;
 // The state of dependent quantisation behind each one, behind an even magnitude and behind an odd one; four bits a state.
 const TEXFOLD_BLOCK_NEXT_EVEN: u32 = 1933730128u;
 const TEXFOLD_BLOCK_NEXT_ODD: u32 = 1365263218u;
+// Absolute angles of the directions 0 to 3, 8 bits each; those of 4 to 6 are the same backwards.
+const TEXFOLD_BLOCK_ANGLES: u32 = 331034u;
 // First table of the last coefficient's magnitude in a set.
 const TEXFOLD_BLOCK_FIRST_LAST: u32 = 96u;
 // First table of numbers of coefficients in a set.
@@ -85,6 +87,8 @@ struct TexfoldBlockAround {
     odd_tables: u32,
     // Table of its number of coefficients.
     end_table: u32,
+    // Table of the block's intra mode; 0 where it has none.
+    mode_table: u32,
 }
 
 // How far a superblock is read.
@@ -211,6 +215,11 @@ fn texfold_block_large(stream: ptr<function, TexfoldBlockStream>, symbol: u32) -
     return first + (low | (high << 12u));
 }
 
+// Whether the plane's blocks have intra modes.
+fn texfold_block_has_modes() -> bool {
+    return ((texfold_block_pass.offsets >> 17u) & 1u) == 1u && texfold_block_pass.is_base == 0u;
+}
+
 // Where the contexts of a block's axis look: of the block of that number in its superblock, which has `blocks` columns and rows
 // and begins at `corner` of the blocks that are held.
 fn texfold_block_around(corner: vec2<u32>, blocks: vec2<u32>, block: u32, axis: u32) -> TexfoldBlockAround {
@@ -229,9 +238,14 @@ fn texfold_block_around(corner: vec2<u32>, blocks: vec2<u32>, block: u32, axis: 
     // Where there is only one neighbour, it counts twice.
     let left = select(other, one, has_left);
     let above = select(one, other, has_above);
-    let ends = u32(texfold_block_scratch[select(above_end, left_end, has_left)])
-        + u32(texfold_block_scratch[select(left_end, above_end, has_above)]);
+    let before = u32(texfold_block_scratch[select(above_end, left_end, has_left)]);
+    let over = u32(texfold_block_scratch[select(left_end, above_end, has_above)]);
+    let ends = (before & 255u) + (over & 255u);
     let apart = !has_left && !has_above;
+    // Those of modes stand behind all others.
+    let modes = 2u * (TEXFOLD_BLOCK_SET_TABLES + TEXFOLD_BLOCK_ODD_TABLES);
+    let has_mode = texfold_block_has_modes() && axis == 0u && !apart;
+    let predicted = u32(has_left && before > 255u) + u32(has_above && over > 255u);
     let tables = u32(rank > 0u) * TEXFOLD_BLOCK_SET_TABLES;
     let cross = select(0u, own - held.x * held.y * TEXFOLD_BLOCK_WORDS, rank > 1u);
     return TexfoldBlockAround(
@@ -244,6 +258,7 @@ fn texfold_block_around(corner: vec2<u32>, blocks: vec2<u32>, block: u32, axis: 
         tables,
         2u * TEXFOLD_BLOCK_SET_TABLES + u32(rank > 0u) * TEXFOLD_BLOCK_ODD_TABLES,
         tables + TEXFOLD_BLOCK_FIRST_END + select(texfold_block_end_class(ends), 8u, apart),
+        select(0u, modes + predicted, has_mode),
     );
 }
 
@@ -259,7 +274,7 @@ fn texfold_block_magnitude(at: u32) -> u32 {
 
 // The state of dependent quantisation behind a magnitude.
 fn texfold_block_next(state: u32, magnitude: u32) -> u32 {
-    let is_dependent = texfold_block_pass.offsets >> 16u;
+    let is_dependent = (texfold_block_pass.offsets >> 16u) & 1u;
     let states = select(TEXFOLD_BLOCK_NEXT_EVEN, TEXFOLD_BLOCK_NEXT_ODD, (magnitude & is_dependent) == 1u);
     return (states >> (4u * state)) & 7u;
 }
@@ -313,11 +328,15 @@ fn texfold_block_round(
     // No clearing between items: each holds larger numbers than the one before.
     let zero = ((*progress).item + 1u) * (TEXFOLD_BLOCK_LARGEST + 1u);
     var table = (*progress).around.tables + TEXFOLD_BLOCK_FIRST_LAST + zone;
+    var mode = 0u;
     if begins {
         let axes = texfold_block_pass.axes;
         (*progress).around =
             texfold_block_around(corner, blocks, (*progress).item / axes, (*progress).item % axes);
         table = (*progress).around.end_table;
+        if (*progress).around.mode_table > 0u {
+            mode = texfold_block_symbol(stream, (*progress).around.mode_table);
+        }
     } else if (*progress).is_last == 0u {
         let even = (*progress).around.tables + zone * TEXFOLD_BLOCK_ZONE_TABLES;
         let odd = (*progress).around.odd_tables + zone / 2u * TEXFOLD_BLOCK_ZONE_TABLES;
@@ -340,7 +359,7 @@ fn texfold_block_round(
         (*progress).state = 0u;
         (*progress).nonzero = vec2<u32>(0u);
         (*progress).scan = texfold_block_constants[TEXFOLD_BLOCK_SCAN + first + max((*progress).left, 1u) - 1u];
-        texfold_block_scratch[(*progress).around.notes] = i32(symbol);
+        texfold_block_scratch[(*progress).around.notes] = i32(symbol | (mode << 8u));
     } else {
         var magnitude = symbol;
         if symbol > 7u {
@@ -365,13 +384,19 @@ fn texfold_block_round(
     (*progress).item += u32((*progress).left == 0u);
 }
 
+// Columns and rows of blocks of the superblock in that column and row of the plane.
+fn texfold_block_blocks(superblock: vec2<u32>) -> vec2<u32> {
+    let side = texfold_block_pass.side;
+    return min(texfold_block_pass.plane_blocks - superblock * side, vec2<u32>(side));
+}
+
 // Reads the superblock in that column and row of those to decode. Invocations side by side stay together although their
 // blocks are of different lengths, as each round reads a symbol whatever it is. Two rounds a time: Mesa's software renderer
 // ends all loops of an invocation after 65535 rounds.
 fn texfold_block_superblock(place: vec2<u32>) {
     let side = texfold_block_pass.side;
     let superblock = texfold_block_wrapped(texfold_block_pass.first + place, texfold_block_pass.wrap / side);
-    let blocks = min(texfold_block_pass.plane_blocks - superblock * side, vec2<u32>(side));
+    let blocks = texfold_block_blocks(superblock);
     let items = blocks.x * blocks.y * texfold_block_pass.axes;
     let row = texfold_block_pass.superblock_start + superblock.y * texfold_block_pass.superblock_columns;
     var stream = texfold_block_stream(row + superblock.x);
@@ -571,6 +596,9 @@ fn texfold_block_samples(slot: u32) {
     let none = predicted;
     if texfold_block_pass.has_base == 1u {
         predicted = texfold_block_predict(axis, at);
+    }
+    if texfold_block_has_modes() && texfold_block_mode(slot) > 0u {
+        predicted = array<vec4<i32>, 3>(vec4<i32>(predicted[0].x, 0, 0, 0), nothing, nothing);
     }
     let signs = texfold_block_signs(slot);
     let upper = texfold_block_half(signs, own, 0u, predicted);

@@ -28,7 +28,7 @@ struct TexfoldBlockPass {
     notes: u32,
     base_samples: u32,
     steps: u32,
-    // Both reconstruction offsets, 8 bits each; bit 16 where quantisers are dependent.
+    // Both reconstruction offsets, 8 bits each; bit 16 where quantisers are dependent, bit 17 where blocks of the image have intra modes.
     offsets: u32,
     index: u32,
     index_bits: u32,

@@ -43,6 +43,7 @@ export class Decoder {
     private readonly layout: GPUBindGroupLayout,
     private readonly read: GPUComputePipeline,
     private readonly transform: GPUComputePipeline,
+    private readonly predict: GPUComputePipeline,
     private readonly deblock: GPUComputePipeline[],
   ) {}
 
@@ -60,9 +61,9 @@ export class Decoder {
         layout: device.createPipelineLayout({ bindGroupLayouts: [layout] }),
         compute: { module, entryPoint },
       });
-    const names = ["read_superblocks", "transform_blocks", "deblock_columns", "deblock_rows"];
-    const [read, transform, ...deblock] = await Promise.all(names.map(pipeline));
-    return new Decoder(device, layout, read!, transform!, deblock);
+    const names = ["read_superblocks", "transform_blocks", "predict_blocks", "deblock_columns", "deblock_rows"];
+    const [read, transform, predict, ...deblock] = await Promise.all(names.map(pipeline));
+    return new Decoder(device, layout, read!, transform!, predict!, deblock);
   }
 
   private writer(target: Target): Promise<Writer> {
@@ -146,9 +147,17 @@ export class Decoder {
     compute.dispatchWorkgroups(Math.ceil(most / STREAMS), plan.passes.length);
     plan.passes.forEach((pass, number) => {
       compute.setBindGroup(0, group, [number * PASS_STRIDE]);
-      for (const pipeline of [this.transform, ...(pass.deblocks ? this.deblock : [])]) {
+      const dispatch = (pipeline: GPUComputePipeline, columns: number, rows = 1): void => {
         compute.setPipeline(pipeline);
-        compute.dispatchWorkgroups(Math.ceil(pass.blocks / BLOCKS));
+        compute.dispatchWorkgroups(columns, rows);
+      };
+      const blocks = Math.ceil(pass.blocks / BLOCKS);
+      dispatch(this.transform, blocks);
+      if (pass.predicts) {
+        dispatch(this.predict, Math.ceil(pass.superblocks / STREAMS), pass.axes);
+      }
+      if (pass.deblocks) {
+        this.deblock.forEach((pipeline) => dispatch(pipeline, blocks));
       }
     });
     return { pass: compute, params };

@@ -67,6 +67,8 @@ export interface BlockLayout {
   shift: number;
   offsets: [number, number];
   isDependent: boolean;
+  /** Whether blocks of the image have intra modes. */
+  hasModes: boolean;
   steps: number;
   index: number;
   indexBits: number;
@@ -76,9 +78,9 @@ export interface BlockLayout {
   deblocking: number;
 }
 
-/** Both reconstruction offsets as shaders read them, 8 bits each; bit 16 where quantisers are dependent. */
-export function packedOffsets({ offsets, isDependent }: BlockLayout): number {
-  return offsets[0] | (offsets[1] << 8) | (isDependent ? 1 << 16 : 0);
+/** Both reconstruction offsets as shaders read them, 8 bits each; bit 16 where quantisers are dependent, bit 17 where blocks have intra modes. */
+export function packedOffsets({ offsets, isDependent, hasModes }: BlockLayout): number {
+  return offsets[0] | (offsets[1] << 8) | (isDependent ? 1 << 16 : 0) | (hasModes ? 1 << 17 : 0);
 }
 
 /** A texture in blocks of variable length. */

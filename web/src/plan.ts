@@ -30,6 +30,8 @@ export interface Pass {
   /** Blocks times axes. */
   blocks: number;
   deblocks: boolean;
+  predicts: boolean;
+  axes: number;
 }
 
 /** What a rectangle needs, the coarsest plane first. */
@@ -92,7 +94,7 @@ function passesOf(layout: BlockLayout, planes: Size[], needed: [Range, Range][])
       layout.streamBytes, deblocking, WORDS.length, 0,
     ];
     const superblocks = (ranges[0][1] - ranges[0][0]) * (ranges[1][1] - ranges[1][0]);
-    passes.push({ words: Int32Array.from(numbers), superblocks, blocks: total, deblocks: deblocking > 0 });
+    passes.push({ words: Int32Array.from(numbers), superblocks, blocks: total, deblocks: deblocking > 0, predicts: layout.hasModes && plane === 0, axes });
     base = { first: first.map((at) => at * side * SIDE), held, wrap: wrap.map((at) => at * SIDE), samples };
     start += count[0]! * count[1]!;
   }

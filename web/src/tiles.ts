@@ -175,6 +175,7 @@ interface Passes {
   clear: GPUComputePipeline;
   read: GPUComputePipeline;
   transform: GPUComputePipeline;
+  predict: GPUComputePipeline;
   deblock: GPUComputePipeline[];
   write: GPUComputePipeline;
   decode: GPUBindGroup;
@@ -346,7 +347,7 @@ export class TileCache {
 
   /** Records the passes that decode what draws before it have looked at and not found: once a frame, behind these. */
   update(encoder: GPUCommandEncoder): void {
-    const { plan, clear, read, transform, deblock, write, decode, output } = this.passes;
+    const { plan, clear, read, transform, predict, deblock, write, decode, output } = this.passes;
     const pass = encoder.beginComputePass();
     pass.setPipeline(plan[0]);
     pass.setBindGroup(0, plan[1]);
@@ -361,6 +362,8 @@ export class TileCache {
     for (let plane = 0; plane < PLANES; plane++) {
       dispatch(transform, plane, 2 + plane);
     }
+    // As many workgroups as for the superblocks of all planes.
+    dispatch(predict, PLANES - 1, 1);
     deblock.forEach((pipeline) => dispatch(pipeline, PLANES - 1, 1 + PLANES));
     pass.setBindGroup(1, output);
     pass.setPipeline(write);
@@ -723,8 +726,8 @@ async function passesOf(device: GPUDevice, on: Resources): Promise<Passes> {
   const decoded = [{ buffer: on.plan }, { buffer: on.data }, { buffer: on.data }, { buffer: on.scratch }, { buffer: on.steps, size: 12 }];
   const outputLayout = compute([READ, READ, POOL]);
   const planModule = device.createShaderModule({ code: tilePlan() }), module = device.createShaderModule({ code: tilePasses() });
-  const names = ["clear_scratch", "read_superblocks", "transform_blocks", "deblock_columns", "deblock_rows"];
-  const [plan, write, clear, read, transform, ...deblock] = await Promise.all([
+  const names = ["clear_scratch", "read_superblocks", "transform_blocks", "predict_blocks", "deblock_columns", "deblock_rows"];
+  const [plan, write, clear, read, transform, predict, ...deblock] = await Promise.all([
     pipeline(planModule, "plan_tiles", [planLayout]),
     pipeline(module, "write_tiles", [decodeLayout, outputLayout]),
     ...names.map((name) => pipeline(module, name, [decodeLayout])),
@@ -734,6 +737,7 @@ async function passesOf(device: GPUDevice, on: Resources): Promise<Passes> {
     clear: clear!,
     read: read!,
     transform: transform!,
+    predict: predict!,
     deblock,
     write: write!,
     decode: grouped(device, decodeLayout, decoded),

@@ -90,6 +90,8 @@ pub struct DctLayout {
     pub offsets: [u8; 2],
     /// Whether quantisers are dependent; then the words have tables of the odd one, too.
     pub is_dependent: bool,
+    /// Whether blocks of the image have intra modes; then the words have their tables behind all others.
+    pub has_modes: bool,
     /// First word of the steps of the finest plane of the words; 64 for each plane.
     pub steps: u32,
     /// First word of the index.
@@ -157,7 +159,7 @@ impl DctLayout {
     #[must_use]
     pub fn packed_offsets(&self) -> u32 {
         let [one, more] = self.offsets.map(u32::from);
-        one | more << 8 | u32::from(self.is_dependent) << 16
+        one | more << 8 | u32::from(self.is_dependent) << 16 | u32::from(self.has_modes) << 17
     }
 
     /// Binary logarithm of a superblock's side in that plane, the image being plane 0.

@@ -9,6 +9,7 @@
 //! luma for the first chroma axis (0.02); gradient-boosted trees over 28 features of the same surroundings, learned on eight photographs,
 //! would take 1.3, 1.0 and 0.6 % of the bits of symbols and signs at 0.5, 1 and 2 bits on eight others.
 
+use crate::intra::Modes;
 use crate::scan::{PADDED, PADDED_SIDE, ZONES};
 
 /// Classes of expected magnitude.
@@ -25,6 +26,10 @@ pub(super) const ODD_ROWS: usize = ZONES / 2;
 pub(super) const FIRST_ODD: usize = SETS * SET_TABLES;
 /// All tables of a texture with dependent quantisers; others have those before [`FIRST_ODD`].
 pub(super) const TABLES: usize = FIRST_ODD + SETS * ODD_ROWS * LEVELS;
+/// Tables of intra modes, by the number of neighbours that are predicted: behind all others.
+pub(super) const MODE_TABLES: usize = 3;
+/// The first of them.
+pub(super) const FIRST_MODE: usize = TABLES;
 /// First table of the last coefficient's magnitude in a set.
 pub(super) const FIRST_LAST: usize = ZONES * LEVELS;
 /// First table of numbers of coefficients in a set.
@@ -161,19 +166,22 @@ impl Neighbours<'_> {
     }
 }
 
-/// Magnitudes and numbers of coefficients of the blocks of a superblock, as far as it is decoded.
+/// Magnitudes, numbers of coefficients and intra modes of the blocks of a superblock, as far as it is decoded.
 #[derive(Debug, Default)]
 pub(super) struct Around {
     columns: usize,
     axes: usize,
     magnitudes: Vec<Magnitudes>,
     ends: Vec<u8>,
+    /// Intra modes of its blocks.
+    pub modes: Modes,
 }
 
 impl Around {
     /// Forgets all, for a superblock of so many blocks.
     pub(super) fn reset(&mut self, columns: usize, rows: usize, axes: usize) {
         (self.columns, self.axes) = (columns, axes);
+        self.modes.reset(columns);
         self.magnitudes.clear();
         self.magnitudes.resize(columns * rows * axes, [0; PADDED]);
         self.ends.clear();

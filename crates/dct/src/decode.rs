@@ -10,6 +10,7 @@ use crate::context::Around;
 use crate::deblock::deblock;
 use crate::form::{DctForm, PlaneShape, Steps};
 use crate::index::Index;
+use crate::intra::{self, add_predictions, put};
 use crate::plane::{Patch, PlaneDecoder};
 use crate::scan::COEFFICIENTS;
 use crate::tables::{StoredStops, Table};
@@ -248,11 +249,13 @@ impl DctTexture {
     ) {
         let side = 1usize << self.form.superblock_log2;
         self.superblock(0, (column, row), base, around, |axis, (x, y), block| {
-            let first = (axis * side + 8 * y - row * side) * side + 8 * x - column * side;
-            for (line, values) in block.chunks_exact(8).enumerate() {
-                samples[first + line * side..][..8].copy_from_slice(values);
-            }
+            let inside = (x - column * side / 8, y - row * side / 8);
+            put(&mut samples[axis * side * side..], side, inside, block);
         });
+        if self.form.intra.is_some() {
+            let (columns, _) = self.tools().planes[0].blocks_in(column, row);
+            add_predictions(samples, side, columns, around.modes.all());
+        }
     }
 
     /// The image's means, or the image itself where it is a single block: columns and rows, samples texel by texel.
@@ -297,6 +300,7 @@ impl DctTexture {
             tables: &tools.tables,
             steps: &tools.steps[plane],
             ranks: &tools.ranks,
+            has_modes: plane == 0 && self.form.intra.is_some(),
             base,
         };
         decoder.superblock(place, self.index.of(&self.bytes, number), around, put);
@@ -307,13 +311,20 @@ impl DctTexture {
         self.tools.get_or_make(|| Box::new(self.make_tools()))
     }
 
+    /// The tables of all symbols; `None` where no writer writes such bytes.
+    fn tables(&self) -> Option<Vec<Table>> {
+        let mut tables = self.stops.tables()?;
+        tables.extend(self.form.intra.into_iter().flat_map(intra::tables));
+        Some(tables)
+    }
+
     /// What superblocks are decoded with.
     pub(super) fn make_tools(&self) -> Tools {
         let planes = self.form.planes();
         let steps = |plane: usize| Steps::new(&self.form.quantiser, plane, self.form.fraction());
         Tools {
             // Readers have checked what is stored.
-            tables: self.stops.tables().unwrap_or_default(),
+            tables: self.tables().unwrap_or_default(),
             steps: (0..planes.len()).map(steps).collect(),
             ranks: self.form.ranks(),
             planes,

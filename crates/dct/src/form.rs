@@ -4,6 +4,7 @@ use texfold_core::{ImageSize, dct_planes};
 
 use crate::context::State;
 use crate::scan::COEFFICIENTS;
+use crate::tables::count;
 
 /// Binary logarithm of the side of superblocks of the planes behind the image. Blocks of means have many coefficients, and a decoder
 /// that reads all streams at once waits for the longest.
@@ -170,6 +171,9 @@ pub struct DctForm {
     pub base_log2: u8,
     /// How coefficients became numbers.
     pub quantiser: Quantiser,
+    /// Intra modes of the image's blocks: for 0, 1 and 2 predicted neighbours, the stopping probability of no prediction, below 64.
+    /// `None` where no block has one.
+    pub intra: Option<[u8; 3]>,
     /// Strength of deblocking, 0 (none) to [`crate::MAX_DEBLOCKING`].
     pub deblocking: u8,
     /// Groups of channels, in their order; at most [`MAX_CHANNELS`] channels together.
@@ -181,6 +185,11 @@ impl DctForm {
     #[must_use]
     pub fn channels(&self) -> usize {
         self.groups.iter().map(|group| usize::from(group.channels)).sum()
+    }
+
+    /// Tables of its symbols.
+    pub(super) fn tables(&self) -> usize {
+        count(self.quantiser.is_dependent) + self.intra.map_or(0, |none| none.len())
     }
 
     /// Fractional bits of samples inside the decoder.
@@ -261,6 +270,7 @@ mod tests {
             superblock_log2: 5,
             base_log2: BASE_LOG2,
             quantiser: Quantiser::of_step(0),
+            intra: None,
             deblocking: 0,
             groups: vec![Group::plain(3)],
         };

@@ -4,9 +4,10 @@ use texfold_core::{BASE_PART, DctLayout, GpuChannel, GpuDct, MipAverage, RESIDUA
 
 use crate::context::{END_BITS, END_START, LEVEL, MAGNITUDE_BITS, MAGNITUDE_START};
 use crate::decode::DctTexture;
-use crate::form::{AXIS_BITS, Group, MAX_GROUP, RADII, SCALES};
+use crate::form::{AXIS_BITS, DctForm, Group, MAX_GROUP, RADII, SCALES};
+use crate::intra::{MODE_STOPS, MODES};
 use crate::scan::{COEFFICIENTS, SCAN};
-use crate::tables::{PRESETS, STOP, STOP_VALUES, SYMBOLS, Table, count};
+use crate::tables::{PRESETS, STOP, STOP_VALUES, SYMBOLS, Table};
 
 /// First words of what `block.wgsl` reads: the scan, classes of expected magnitudes, symbols, tables of probabilities.
 pub(super) const SCAN_WORDS: usize = 0;
@@ -46,8 +47,7 @@ impl DctTexture {
         let mut words = constants();
         // All at once: a vector that grows holds up to three times as much.
         words.reserve_exact(
-            words_before_index(tools.steps.len(), form.quantiser.is_dependent) + self.index.words().len() + 2
-                - words.len(),
+            words_before_index(tools.steps.len(), form) + self.index.words().len() + 2 - words.len(),
         );
         words.extend(tools.tables.iter().flat_map(Table::starts));
         let steps = words.len() as u32;
@@ -72,6 +72,7 @@ impl DctTexture {
             shift,
             offsets: form.quantiser.offsets,
             is_dependent: form.quantiser.is_dependent,
+            has_modes: form.intra.is_some(),
             steps,
             index,
             index_bits: self.index.width(),
@@ -91,8 +92,8 @@ impl DctTexture {
 }
 
 /// Words of a texture of so many planes that stand before its index.
-pub(super) fn words_before_index(planes: usize, is_dependent: bool) -> usize {
-    TABLE_WORDS + count(is_dependent) * SYMBOLS / 2 + planes * COEFFICIENTS
+pub(super) fn words_before_index(planes: usize, form: &DctForm) -> usize {
+    TABLE_WORDS + form.tables() * SYMBOLS / 2 + planes * COEFFICIENTS
 }
 
 /// Numbers that the format fixes (FORMAT.md, "Images in blocks of variable length"), for decoders in other languages.
@@ -103,6 +104,8 @@ pub struct FormatConstants {
     /// The presets of stopping probabilities, a letter each: '0' for 0, and those that follow it in ASCII. The second one is of
     /// dependent quantisers.
     pub presets: [&'static str; 2],
+    /// Stopping probabilities of intra modes other than none, for [`FormatConstants::stops`].
+    pub mode_stops: [u8; MODES - 2],
     /// Scale of each frequency in 1/4096.
     pub scales: [u32; 8],
     /// Distance of each coefficient from the mean, in 1/64 of a frequency, row by row.
@@ -115,7 +118,14 @@ impl FormatConstants {
     /// The numbers.
     #[must_use]
     pub fn new() -> Self {
-        FormatConstants { stops: STOP, presets: PRESETS, scales: SCALES, radii: RADII, words: constants() }
+        FormatConstants {
+            stops: STOP,
+            presets: PRESETS,
+            mode_stops: MODE_STOPS,
+            scales: SCALES,
+            radii: RADII,
+            words: constants(),
+        }
     }
 }
 

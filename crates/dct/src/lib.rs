@@ -32,6 +32,7 @@ mod form;
 mod gpu;
 mod images;
 mod index;
+mod intra;
 #[cfg(feature = "encode")]
 mod params;
 mod part_images;

@@ -22,6 +22,12 @@ const PLACE_BITS: u32 = COEFFICIENTS.ilog2();
 /// Places of the predicted coefficients: the mean first.
 pub(super) const PREDICTED: [usize; 6] = [0, 8, 16, 1, 9, 2];
 
+/// How many of [`PREDICTED`] follow from the means around a block: with an intra mode the mean alone.
+#[inline(always)]
+pub(super) fn predicted_of(mode: u8) -> usize {
+    if mode > 0 { 1 } else { PREDICTED.len() }
+}
+
 /// Samples of a part of a plane, all axes, in samples' units with their fractional bits.
 #[derive(Debug, Clone)]
 pub(super) struct Patch {
@@ -103,6 +109,8 @@ pub(super) struct PlaneDecoder<'a> {
     pub steps: &'a Steps,
     /// Place of each axis in its group.
     pub ranks: &'a [u8],
+    /// Whether its blocks have intra modes.
+    pub has_modes: bool,
     /// Means of its blocks; none where it is a single block.
     pub base: Option<&'a Patch>,
 }
@@ -114,7 +122,8 @@ struct Read {
 }
 
 impl PlaneDecoder<'_> {
-    /// Reads a superblock and gives each block's samples: axis, column and row of the block in the plane, samples.
+    /// Reads a superblock and gives each block's samples, without intra predictions: axis, column and row of the block in the plane,
+    /// samples. `around` has their modes afterwards.
     #[inline(never)]
     pub(super) fn superblock(
         &self,
@@ -142,11 +151,21 @@ impl PlaneDecoder<'_> {
         let mut stream = Rans::new(bytes);
         for block in 0..columns * rows {
             let place = (column * self.shape.side + block % columns, row * self.shape.side + block / columns);
+            let mode = match around.modes.table().filter(|_| self.has_modes) {
+                Some(table) => stream.symbol(&self.tables[table]) as u8,
+                None => 0,
+            };
+            around.modes.push(mode);
             for (axis, &rank) in self.ranks.iter().enumerate() {
                 let mut coefficients = [0i32; COEFFICIENTS];
                 if let Some(base) = self.base {
                     let predicted = base.predict(axis, place.0, place.1);
-                    PREDICTED.iter().zip(predicted).for_each(|(&at, value)| coefficients[at] = value);
+                    let count = predicted_of(mode);
+                    PREDICTED
+                        .iter()
+                        .zip(predicted)
+                        .take(count)
+                        .for_each(|(&at, value)| coefficients[at] = value);
                 }
                 let set = set_of(self.is_base, rank == 0);
                 let neighbours = around.of(block, axis, rank > 1);

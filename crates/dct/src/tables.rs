@@ -8,7 +8,7 @@
 use std::ops::Range;
 
 use crate::bits::BitReader;
-use crate::context::{FIRST_END, FIRST_ODD, LEVELS, ODD_ROWS, SET_TABLES, SETS, TABLES};
+use crate::context::{FIRST_END, FIRST_MODE, FIRST_ODD, LEVELS, ODD_ROWS, SET_TABLES, SETS, TABLES};
 use crate::scan::ZONES;
 
 /// Symbols of a table.
@@ -137,9 +137,9 @@ impl Stops {
     }
 }
 
-/// Whether the table of that number codes numbers of coefficients.
+/// Whether the table of that number codes numbers of coefficients, or intra modes.
 pub(super) fn is_end(table: usize) -> bool {
-    table < FIRST_ODD && table % SET_TABLES >= FIRST_END
+    table >= FIRST_MODE || table < FIRST_ODD && table % SET_TABLES >= FIRST_END
 }
 
 /// First tables of the rows of a set: magnitudes by subband, last magnitudes, numbers of coefficients. The end of the

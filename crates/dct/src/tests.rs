@@ -93,9 +93,10 @@ fn images_of_any_shape_come_back() {
 /// The texture with another strength of deblocking, as a file says it.
 fn with_strength(texture: &DctTexture, strength: u8) -> Result<DctTexture, LoadError> {
     let mut bytes = texture.clone().with_deblocking(1).to_bytes();
-    // Behind version, sizes, depth, superblock and quantiser.
-    assert_eq!((bytes[0] % 2, bytes[12]), (0, 1));
-    bytes[12] = strength;
+    // Behind version, sizes, depth, superblock, quantiser and intra modes.
+    assert!(texture.form().intra.is_some());
+    assert_eq!((bytes[0] % 2, bytes[15]), (0, 1));
+    bytes[15] = strength;
     read(&bytes)
 }
 
@@ -118,6 +119,39 @@ fn strengths_of_deblocking_are_stored_and_others_refused() {
     for strength in [0, MAX_DEBLOCKING + 1, 255] {
         assert!(matches!(with_strength(&texture, strength), Err(LoadError::Corrupt { .. })), "{strength}");
     }
+}
+
+#[test]
+fn probabilities_of_modes_beyond_the_largest_are_refused() {
+    let texture = encoded(&waves(70, 50, &[3], 8), DctSettings::default().with_goal(Goal::Psnr(40.0)));
+    let bytes = texture.to_bytes();
+    for at in 12..15 {
+        let mut forged = bytes.clone();
+        forged[at] = 63;
+        assert!(read(&forged).is_ok());
+        forged[at] = 64;
+        assert!(matches!(read(&forged), Err(LoadError::Corrupt { .. })));
+    }
+    // Modes are of dependent quantisers alone.
+    let mut forged = bytes;
+    forged[0] -= 8;
+    assert!(matches!(read(&forged), Err(LoadError::Corrupt { .. })));
+}
+
+#[test]
+fn lines_are_continued_by_intra_modes() {
+    let size = ImageSize { width: 96, height: 96 };
+    let angle = |at: u32| f64::from(at % 96) + 0.4 * f64::from(at / 96);
+    let samples: Vec<u8> = (0..96 * 96).map(|at| (128.0 + 90.0 * (0.9 * angle(at)).sin()) as u8).collect();
+    let source = DctSource::from_u8(size, &[1], &samples).unwrap();
+    let params = DctSettings::default().with_metric(Metric::Psnr);
+    let encoder = DctEncoder::new(&source, &params, CancelCheck::default()).unwrap();
+    let texture = encoder.at_step(1500).unwrap();
+    assert!(texture.form().intra.is_some());
+    // Of an image whose blocks' neighbours say nothing of them, no block has a mode.
+    let flat = DctSource::from_u8(size, &[1], &vec![77; samples.len()]).unwrap();
+    let encoder = DctEncoder::new(&flat, &params, CancelCheck::default()).unwrap();
+    assert_eq!(encoder.at_step(1500).unwrap().form().intra, None);
 }
 
 /// A texture as `to_bytes` gave it of the fixture `cutout.png` at step 1700, without mip levels, and its texels then.

@@ -3,10 +3,12 @@
 //! | bytes | what |
 //! |---|---|
 //! | 1 | version: 1, 1 more with deblocking, 2 more where tables begin from the preset, 4 more where the index is lengths
-//! alone, 8 more with dependent quantisers, 16 more where superblocks of the planes behind the image are 2x2 blocks |
+//! alone, 8 more with dependent quantisers, 16 more where superblocks of the planes behind the image are 2x2 blocks, 32 more with
+//! intra modes |
 //! | 2, 2 | columns and rows, less one |
 //! | 1, 1 | bits of a sample, binary logarithm of a superblock's side |
 //! | 2, 1, 2 | step, slope, two offsets |
+//! | 3 | stopping probabilities of no prediction, where there are intra modes |
 //! | 1 | strength of deblocking, where there is any |
 //! | 1 | groups; for each: 1 channels, then 2 for each mean, 2 for each of channels x channels weights of axes |
 //! | 1, 2, 4 | bits of a length in the index, bytes of the tables, bytes of the superblocks |
@@ -24,7 +26,7 @@ use crate::form::{
 };
 use crate::gpu::words_before_index;
 use crate::index::Index;
-use crate::tables::{Begin, StoredStops, Table, count};
+use crate::tables::{Begin, STOP_VALUES, StoredStops, Table};
 
 /// Version of the layout without deblocking, with tables that begin alike and an index of words.
 const PLAIN: u8 = 1;
@@ -38,6 +40,8 @@ const PACKED: u8 = 4;
 const DEPENDENT: u8 = 8;
 /// Added where superblocks of the planes behind the image are smaller than its own.
 const SMALL_BASES: u8 = 16;
+/// Added where blocks of the image have intra modes.
+const INTRA: u8 = 32;
 /// Most bits of a length in the index.
 const MAX_WIDTH: u8 = 24;
 /// Largest weight of an axis: an orthonormal one.
@@ -101,12 +105,14 @@ impl DctTexture {
         let packed = if self.index.is_packed() { PACKED } else { 0 };
         let dependent = if form.quantiser.is_dependent { DEPENDENT } else { 0 };
         let small = if form.base_log2 < form.superblock_log2 { SMALL_BASES } else { 0 };
-        let mut out = vec![PLAIN + deblocked + preset + packed + dependent + small];
+        let intra = if form.intra.is_some() { INTRA } else { 0 };
+        let mut out = vec![PLAIN + deblocked + preset + packed + dependent + small + intra];
         out.extend(((form.size.width - 1) as u16).to_le_bytes());
         out.extend(((form.size.height - 1) as u16).to_le_bytes());
         out.extend([form.depth, form.superblock_log2]);
         out.extend(form.quantiser.step.to_le_bytes());
         out.extend([form.quantiser.slope, form.quantiser.offsets[0], form.quantiser.offsets[1]]);
+        out.extend(form.intra.iter().flatten());
         out.extend((form.deblocking > 0).then_some(form.deblocking));
         out.push(form.groups.len() as u8);
         for group in &form.groups {
@@ -151,8 +157,8 @@ impl DctTexture {
         budget.take(4 * bases * form.channels() as u64 + 4 * words as u64)?;
         // Tables, and the words that a GPU decodes with.
         let is_dependent = form.quantiser.is_dependent;
-        budget.take((count(is_dependent) * size_of::<Table>()) as u64)?;
-        budget.take(4 * (words_before_index(planes.len(), is_dependent) + words) as u64)?;
+        budget.take((form.tables() * size_of::<Table>()) as u64)?;
+        budget.take(4 * (words_before_index(planes.len(), &form) + words) as u64)?;
         let index = if is_packed {
             let lengths = reader.bytes(Index::packed_bytes(superblocks, u32::from(width)))?;
             Index::unpacked(u32::from(width), lengths, superblocks)
@@ -187,7 +193,7 @@ impl DctTexture {
 
 fn read_form(reader: &mut Reader<'_>) -> Result<(DctForm, Begin, bool), LoadError> {
     let parts = reader.u8()?.wrapping_sub(PLAIN);
-    if parts > DEBLOCKED + PRESET + PACKED + DEPENDENT + SMALL_BASES {
+    if parts > DEBLOCKED + PRESET + PACKED + DEPENDENT + SMALL_BASES + INTRA {
         return Err(reader.corrupt("a layout of blocks that this reader does not know"));
     }
     let is_deblocked = parts & DEBLOCKED > 0;
@@ -211,6 +217,11 @@ fn read_form(reader: &mut Reader<'_>) -> Result<(DctForm, Begin, bool), LoadErro
         return Err(reader.corrupt("a quantiser beyond the largest"));
     }
     let quantiser = Quantiser { step, slope, offsets, is_dependent: parts & DEPENDENT > 0 };
+    let intra = if parts & INTRA > 0 { Some([reader.u8()?, reader.u8()?, reader.u8()?]) } else { None };
+    if intra.is_some_and(|none| !quantiser.is_dependent || none.iter().any(|&stop| stop >= STOP_VALUES as u8))
+    {
+        return Err(reader.corrupt("intra modes that no writer writes"));
+    }
     let deblocking = if is_deblocked { reader.u8()? } else { 0 };
     if is_deblocked && !(1..=MAX_DEBLOCKING).contains(&deblocking) {
         return Err(reader.corrupt("a strength of deblocking that no writer writes"));
@@ -229,7 +240,7 @@ fn read_form(reader: &mut Reader<'_>) -> Result<(DctForm, Begin, bool), LoadErro
         return Err(reader.corrupt("no channels"));
     }
     let size = ImageSize { width, height };
-    let form = DctForm { size, depth, superblock_log2, base_log2, quantiser, deblocking, groups };
+    let form = DctForm { size, depth, superblock_log2, base_log2, quantiser, intra, deblocking, groups };
     Ok((form, begin, is_packed))
 }
 

@@ -373,6 +373,7 @@ pub unsafe extern "C" fn texfold_program_new(
             entry: match dispatch.entry {
                 DctEntry::Read => c"read_superblocks",
                 DctEntry::Transform => c"transform_blocks",
+                DctEntry::Predict => c"predict_blocks",
                 DctEntry::DeblockColumns => c"deblock_columns",
                 DctEntry::DeblockRows => c"deblock_rows",
                 DctEntry::Write => c"write_texels",

@@ -185,14 +185,15 @@ fn independent_quantisers_equal_the_cpu() {
 /// The texture at that strength of deblocking, which its bytes say.
 fn deblocked(texture: &DctTexture, strength: u8) -> DctTexture {
     let mut bytes = texture.to_bytes();
-    // The strength stands behind version, sizes, depth, superblock and quantiser, where there is one.
+    // The strength stands behind version, sizes, depth, superblock, quantiser and intra modes, where there is one.
+    let place = if texture.form().intra.is_some() { 15 } else { 12 };
     let parts = bytes[0] - 1;
     if parts & 1 > 0 {
-        bytes.remove(12);
+        bytes.remove(place);
     }
     bytes[0] = 1 + (parts & !1) + u8::from(strength > 0);
     if strength > 0 {
-        bytes.insert(12, strength);
+        bytes.insert(place, strength);
     }
     DctTexture::read(&mut Reader::new(String4(*b"TEST"), &bytes), &mut Budget::default()).unwrap()
 }
@@ -319,10 +320,10 @@ fn forged_and_truncated_streams_give_what_the_cpu_gives() {
                 .for_each(|_| bytes[first + rng.below(streams as u32) as usize] = rng.below(256) as u8),
             // Nothing but noise, or zeros: the longest blocks and the largest magnitudes.
             1 => bytes[first..].iter_mut().for_each(|byte| *byte = rng.below(256) as u8),
-            // Noise in the index, behind the header of 45 bytes: streams of other lengths, which lie beyond the end. Six superblocks have a byte
+            // Noise in the index, behind the header of 48 bytes: streams of other lengths, which lie beyond the end. Six superblocks have a byte
             // each at least.
             _ => {
-                (0..1 + rng.below(30)).for_each(|_| bytes[45 + rng.below(6) as usize] = rng.below(256) as u8);
+                (0..1 + rng.below(30)).for_each(|_| bytes[48 + rng.below(6) as usize] = rng.below(256) as u8);
             }
         }
         if round % 10 == 0 {

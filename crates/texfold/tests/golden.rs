@@ -86,6 +86,14 @@ fn blocks_with_small_bases_decode_as_ever() {
     }
 }
 
+/// Blocks with intra modes, written by `texfold compress fixtures/images/terrain.png --codec dct --effort fast --bpp 1 --mips --out .` and its
+/// images by `texfold decompress terrain.txf --out .` without and with `--lod 1`.
+#[test]
+fn blocks_with_intra_modes_decode_as_ever() {
+    assert_decodes("dct_intra", &["dct_intra.png".to_owned()]);
+    assert_level_decodes("dct_intra", 1, &["dct_intra-level1.png".to_owned()]);
+}
+
 /// Maps of a material, of unlike sizes and pixels: the fixtures cutout, normal_map and gray under the names `m_BaseColor.png`, `m_Normal.png` and
 /// `m_Height.png` in a folder, written by `texfold compress FOLDER --as material --bpp 3 --mips --effort fast --out .` and its images by
 /// `texfold decompress m.txf --out .`.

@@ -9,13 +9,15 @@ const ENTRY_LEVELS: u32 = 64u;
 // Tables of one kind of plane: a set of the first axis, and one of the others; and those of the odd quantiser.
 const ENTRY_TABLES: u32 = 222u;
 const ENTRY_ODD_TABLES: u32 = 96u;
+// Tables of intra modes.
+const ENTRY_MODE_TABLES: u32 = 3u;
 // Magnitudes of a stream: ten columns of ten, of which the last two stay zero.
 const ENTRY_HELD: u32 = 100u;
 
 // Copies of what streams are read by. Tables have two quarters each.
 var<workgroup> texfold_block_constants: array<u32, ENTRY_CONSTANTS>;
 var<workgroup> texfold_block_levels: array<u32, 256>;
-var<workgroup> texfold_block_tables: array<vec4<u32>, 2u * (ENTRY_TABLES + ENTRY_ODD_TABLES)>;
+var<workgroup> texfold_block_tables: array<vec4<u32>, 2u * (ENTRY_TABLES + ENTRY_ODD_TABLES + ENTRY_MODE_TABLES)>;
 // Magnitudes of the block's axis that is read, as far as contexts tell them apart; those of an invocation begin at texfold_block_lane.
 var<workgroup> texfold_block_held: array<u32, ENTRY_HELD * ENTRY_STREAMS>;
 var<private> texfold_block_lane: u32;
@@ -35,9 +37,13 @@ fn entry_share(lane: u32) {
     let first = texfold_block_pass.tables + 8u * ENTRY_TABLES * texfold_block_pass.is_base;
     // Those of the odd quantiser stand behind all others.
     let odd = texfold_block_pass.tables + 8u * (2u * ENTRY_TABLES + ENTRY_ODD_TABLES * texfold_block_pass.is_base);
-    let tables = ENTRY_TABLES + ENTRY_ODD_TABLES * (texfold_block_pass.offsets >> 16u);
+    // Those of modes stand behind these; they are of dependent quantisers.
+    let modes = texfold_block_pass.tables + 8u * (ENTRY_TABLES + ENTRY_ODD_TABLES);
+    let flags = texfold_block_pass.offsets >> 16u;
+    let tables = ENTRY_TABLES + ENTRY_ODD_TABLES * (flags & 1u) + ENTRY_MODE_TABLES * (flags >> 1u);
     for (var quarter = lane; quarter < min(2u * tables, TEXFOLD_BLOCK_MAX_ROUNDS); quarter += ENTRY_STREAMS) {
-        let at = select(odd - 8u * ENTRY_TABLES, first, quarter < 2u * ENTRY_TABLES) + 4u * quarter;
+        let sets = select(odd - 8u * ENTRY_TABLES, first, quarter < 2u * ENTRY_TABLES);
+        let at = select(modes, sets, quarter < 2u * (ENTRY_TABLES + ENTRY_ODD_TABLES)) + 4u * quarter;
         texfold_block_tables[quarter] = vec4<u32>(
             texfold_block_words[at],
             texfold_block_words[at + 1u],

@@ -3,7 +3,7 @@
 import { atLevel, fullLevels, type Layout, type PixelInfo, pixelsOf, readMaps, type Sections, type Size } from "../container.js";
 import { type Budget, corrupt, truncated } from "../errors.js";
 import { type BlockLayout, type Blocks, type Channel, type Form, Uniforms } from "../form.js";
-import { PRESETS, RADII, SCALES, STOP, WORDS } from "../generated/dct.js";
+import { MODE_STOPS, PRESETS, RADII, SCALES, STOP, WORDS } from "../generated/dct.js";
 import type { Reader } from "../reader.js";
 import { CLAMP, formatsOf } from "./content.js";
 import { type Codec, images } from "./codec.js";
@@ -26,6 +26,9 @@ const USUAL_STOP = 31;
 export const FIRST_ODD = SETS * SET_TABLES;
 export const ODD_TABLES = (ZONES / 2) * CLASSES;
 const TABLES = FIRST_ODD + SETS * ODD_TABLES;
+/** Tables of intra modes, by the number of neighbours that are predicted: behind all others. */
+export const FIRST_MODE = TABLES;
+const MODE_TABLES = 3;
 /** How far the odd quantiser's stopping probabilities are expected above those of the even one. */
 const ODD_SHIFT = [-6, 0, 1, 0, 0];
 /** The letter of 0 in the preset. */
@@ -74,9 +77,14 @@ function rowsOf(isDependent: boolean): number[] {
   return [...ofSets, ...odd, tableCount(isDependent)];
 }
 
-/** Tables of a texture. */
-export function tableCount(isDependent: boolean): number {
+/** Tables of a texture without those of intra modes. */
+function tableCount(isDependent: boolean): number {
   return isDependent ? TABLES : FIRST_ODD;
+}
+
+/** Tables of a texture. */
+export function allTables({ isDependent, hasModes }: Pick<BlockLayout, "isDependent" | "hasModes">): number {
+  return tableCount(isDependent) + (hasModes ? MODE_TABLES : 0);
 }
 
 /** Stopping probabilities of a table: fifteen of numbers of coefficients, five of magnitudes. */
@@ -275,9 +283,9 @@ function unpackIndex(bytes: Uint8Array, bits: number, total: number, out: Uint32
 export function readStage(reader: Reader, budget: Budget, place: { image: number; level: number; levels: number }, pixel: PixelInfo): Stage {
   const first = reader.at;
   const version = reader.u8();
-  reader.check(version >= 1 && version <= 32, "a layout of blocks that this reader does not know");
+  reader.check(version >= 1 && version <= 64, "a layout of blocks that this reader does not know");
   const parts = version - 1, isDeblocked = (parts & 1) > 0, fromPreset = (parts & 2) > 0, isPacked = (parts & 4) > 0, isDependent = (parts & 8) > 0;
-  const hasSmallBases = (parts & 16) > 0;
+  const hasSmallBases = (parts & 16) > 0, hasModes = (parts & 32) > 0;
   const size = { width: reader.u16() + 1, height: reader.u16() + 1 };
   const depth = reader.u8(), superblockLog2 = reader.u8();
   reader.check(depth === 8 || depth === 16, "samples of neither 8 nor 16 bits");
@@ -287,6 +295,8 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   const step = reader.u16(), slope = reader.u8();
   const offsets: [number, number] = [reader.u8(), reader.u8()];
   reader.check(step <= MAX_STEP && Math.max(...offsets) <= 16, "a quantiser beyond the largest");
+  const none = reader.bytes(hasModes ? MODE_TABLES : 0);
+  reader.check(none.every((stop) => isDependent && stop < STOP.length), "intra modes that no writer writes");
   const strength = isDeblocked ? reader.u8() : 0;
   reader.check(!isDeblocked || (strength >= 1 && strength <= 3), "a strength of deblocking that no writer writes");
   const fraction = depth > 8 ? 2 : 6, shift = fraction + AXIS_BITS;
@@ -307,7 +317,7 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   // The last group of a packed index ends with its last length.
   const rest = isPacked ? total % GROUP : 0;
   const indexWords = Math.ceil((total - rest) / GROUP) * (indexBits + 1) + (rest > 0 ? 1 + Math.ceil((rest * indexBits) / 32) : 0);
-  const steps = WORDS.length + tableCount(isDependent) * TABLE_WORDS, index = steps + planes.length * COEFFICIENTS;
+  const modeWords = WORDS.length + tableCount(isDependent) * TABLE_WORDS, steps = WORDS.length + allTables({ isDependent, hasModes }) * TABLE_WORDS, index = steps + planes.length * COEFFICIENTS;
   budget.take(4 * (index + indexWords + 2));
   const stored = reader.bytes(isPacked ? Math.ceil((total * indexBits) / 8) : 4 * indexWords);
   const words = new Uint32Array(index + indexWords + 2);
@@ -318,7 +328,8 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   } else {
     new Uint8Array(words.buffer, 4 * index).set(stored);
   }
-  reader.check(tablesOf(reader.bytes(tableBytes), fromPreset, isDependent, words.subarray(WORDS.length, steps)), "tables of probabilities that no writer writes");
+  reader.check(tablesOf(reader.bytes(tableBytes), fromPreset, isDependent, words.subarray(WORDS.length, modeWords)), "tables of probabilities that no writer writes");
+  none.forEach((stop, table) => writeTable(Uint8Array.of(stop, ...MODE_STOPS), words.subarray(modeWords + table * TABLE_WORDS)));
   const units = (256 + (step % 256)) * 2 ** Math.floor(step / 256);
   planes.forEach((_, plane) => {
     const start = steps + plane * COEFFICIENTS;
@@ -329,7 +340,7 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   const base = reader.bytes(baseBytes);
   const deblocking = Math.floor((strength * units * 2 ** fraction) / 2 ** 14);
   const layout = {
-    size, depth, superblockLog2, baseLog2, ranks, channels, shift, offsets, isDependent, steps, index, indexBits, streamBytes: baseBytes, deblocking,
+    size, depth, superblockLog2, baseLog2, ranks, channels, shift, offsets, isDependent, hasModes, steps, index, indexBits, streamBytes: baseBytes, deblocking,
     isLight: pixel.colour === "srgb",
     isWeighted: pixel.channels % 2 === 0 && pixel.alpha !== "band",
   };

@@ -5,7 +5,8 @@ import type { Size } from "../container.js";
 import type { BlockLayout, Blocks, Channel } from "../form.js";
 import { WORDS } from "../generated/dct.js";
 import type { Rect } from "../plan.js";
-import { COEFFICIENTS, FIRST_END, FIRST_ODD, lengthOf, ODD_TABLES, planeSide, planesOf, PROBABILITY_BITS, SET_TABLES, SIDE, startOf, superblockCounts, SYMBOLS, tableCount } from "./dct.js";
+import { COEFFICIENTS, allTables, FIRST_END, FIRST_MODE, FIRST_ODD, lengthOf, ODD_TABLES, planeSide, planesOf, PROBABILITY_BITS, SET_TABLES, SIDE, startOf, superblockCounts, SYMBOLS } from "./dct.js";
+import { addPrediction } from "./intra.js";
 
 /** First words of the classes of expected magnitudes and of the symbols. */
 const LEVEL_WORDS = 64;
@@ -137,7 +138,7 @@ interface Stream {
 }
 
 function streamOf({ layout, words: unsigned, streams }: Blocks, words: Int32Array): Stream {
-  const bytes = streams.subarray(0, layout.streamBytes), ranges = rangesOf(words, tableCount(layout.isDependent)), guesses = guessesOf(ranges);
+  const bytes = streams.subarray(0, layout.streamBytes), ranges = rangesOf(words, allTables(layout)), guesses = guessesOf(ranges);
   const index = unsigned.subarray(layout.index);
   // The first byte that is not read, and the stream's end.
   let state = 0, next = 0, end = 0;
@@ -277,6 +278,7 @@ type PlaneReader = (plane: number, column: number, row: number, base: Part | und
 function readerOf(blocks: Blocks, planes: Size[]): PlaneReader {
   const { layout, words: { buffer, byteOffset, length } } = blocks, axes = layout.ranks.length, counts = superblockCounts(layout);
   const words = new Int32Array(buffer, byteOffset, length), coefficients = new Int32Array(COEFFICIENTS);
+  const modes = new Uint8Array((MAX_SIDE / SIDE) ** 2);
   const stream = streamOf(blocks, words), read = blockReader(layout, words, stream, planes.length, coefficients);
   return (plane, column, row, base, out) => {
     const { width, height } = planes[plane]!, means = planes[plane + 1]!;
@@ -285,10 +287,18 @@ function readerOf(blocks: Blocks, planes: Size[]): PlaneReader {
     const [columns, rows] = [width, height].map((texels, at) => Math.min(side, Math.ceil(texels / SIDE) - side * (at ? row : column))) as [number, number];
     for (let block = 0; block < columns * rows; block++) {
       const x = column * side + (block % columns), y = row * side + Math.floor(block / columns);
+      const hasLeft = block % columns > 0, hasAbove = block >= columns, hasRight = (block + 1) % columns > 0;
+      const mode = layout.hasModes && plane === 0 && block > 0
+        ? stream.symbol(FIRST_MODE + (hasLeft && modes[block - 1]! > 0 ? 1 : 0) + (hasAbove && modes[block - columns]! > 0 ? 1 : 0))
+        : 0;
+      modes[block] = mode;
       for (let axis = 0; axis < axes; axis++) {
         coefficients.fill(0);
         if (base) {
           predict(coefficients, base, means, axis, x, y);
+        }
+        if (mode > 0) {
+          coefficients.fill(0, 1);
         }
         const used = read(plane, columns, block, axis) | (base ? 7 : 0);
         for (let at = 0; at < SIDE; at++) {
@@ -299,6 +309,9 @@ function readerOf(blocks: Blocks, planes: Size[]): PlaneReader {
         const place = (axis * out.height + SIDE * y - out.top) * out.width + SIDE * x - out.left;
         for (let at = 0; at < SIDE; at++) {
           transform(coefficients, SIDE * at, 1, out.samples, place + at, out.width);
+        }
+        if (mode > 0) {
+          addPrediction(out.samples, place, out.width, mode, hasLeft, hasAbove, hasRight);
         }
       }
     }

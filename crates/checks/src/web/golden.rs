@@ -112,6 +112,7 @@ fn blocks(blocks: &GpuDct<'_>) -> Value {
             "shift": layout.shift,
             "offsets": layout.offsets,
             "isDependent": layout.is_dependent,
+            "hasModes": layout.has_modes,
             "steps": layout.steps,
             "index": layout.index,
             "indexBits": layout.index_bits,

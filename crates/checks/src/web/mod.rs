@@ -192,6 +192,11 @@ fn dct() -> String {
     );
     let _ = writeln!(
         out,
+        "/** Stopping probabilities of intra modes other than none. */\nexport const MODE_STOPS = {:?};",
+        constants.mode_stops
+    );
+    let _ = writeln!(
+        out,
         "/** Scale of each frequency in 1/4096. */\nexport const SCALES = {:?};",
         constants.scales
     );

@@ -92,7 +92,14 @@ fn the_json_has_the_offsets_that_parameters_are_written_at() {
         blocks["entries"].as_array().unwrap().iter().filter_map(|entry| entry["name"].as_str()).collect();
     assert_eq!(
         entries,
-        ["read_superblocks", "transform_blocks", "deblock_columns", "deblock_rows", "write_texels"]
+        [
+            "read_superblocks",
+            "transform_blocks",
+            "predict_blocks",
+            "deblock_columns",
+            "deblock_rows",
+            "write_texels"
+        ]
     );
     assert_eq!(blocks["entries"][0]["workgroup"], serde_json::json!([8, 1, 1]));
 }

@@ -7,18 +7,20 @@ use texfold_core::{CancelCheck, EncodeError, Metric, SourceError, parallel};
 use super::activity::Activity;
 use super::cutout;
 use super::fit::{Fitted, StopBits, fit};
-use super::forward::Coefficients;
+use super::forward::{Block, Coefficients};
 use super::goal::unit_of;
+use super::intra::{Choice, Chooser, FirstAxis, fit_modes};
 use super::masking::masking;
 use super::quantise::{Quantising, Trellis, residuals_of};
 use super::symbols::{
     BlockBits, Collector, Counter, Levels, Sink, Superblock, SymbolBits, coded, end_symbol, magnitudes_of,
     states_of,
 };
-use crate::context::{Around, set_of};
+use crate::context::{Around, MODE_TABLES, set_of};
 use crate::decode::DctTexture;
 use crate::form::{DctForm, PlaneShape, Quantiser, Steps};
 use crate::index::Index;
+use crate::intra::{References, USUAL_NONE, add, put, tables as intra_tables};
 use crate::plane::{PREDICTED, Patch};
 use crate::rans_encode::{MAX_STREAM, stream};
 use crate::scan::COEFFICIENTS;
@@ -141,7 +143,15 @@ fn begun(form: &DctForm) -> (DctForm, Vec<Table>) {
     let mut form = form.clone();
     form.quantiser.is_dependent = true;
     form.quantiser.offsets = USUAL_OFFSETS;
-    (form, StoredStops::preset().tables().unwrap_or_default())
+    form.intra = Some(USUAL_NONE);
+    let tables = tables_of(&StoredStops::preset().read().unwrap_or_default(), form.intra);
+    (form, tables)
+}
+
+/// The tables of all symbols.
+fn tables_of(stops: &AllStops, intra: Option<[u8; MODE_TABLES]>) -> Vec<Table> {
+    let tables = stops.iter().map(|stops| Table::new(&stops.frequencies()));
+    tables.chain(intra.into_iter().flat_map(intra_tables)).collect()
 }
 
 /// Bits and errors of the texture of that header's step: those of a part of the superblocks, coded with the preset.
@@ -154,10 +164,11 @@ pub(super) fn estimate(
     let (form, tables) = begun(form);
     let superblocks = planes.first().map_or(0, |plane| plane.shape.count());
     let stride = (superblocks / ESTIMATED).max(STRIDE);
-    let pass = Pass { stride, metric, is_measured: true };
+    let pass = Pass { stride, metric, tried: 0, is_measured: true };
     let quantised = quantise(planes, &form, &SymbolBits::new(&tables), pass, check)?;
     let Counter { counts, plain_bits } = &quantised.counter;
-    let symbols = fit(counts).bits(counts, &StopBits::new());
+    let bits = StopBits::new();
+    let symbols = fit(counts).bits(counts, &bits) + fit_modes(counts, &bits).map_or(0.0, |(_, bits)| bits);
     let all: usize = planes.iter().map(|plane| plane.shape.count()).sum();
     let beside = SUPERBLOCK_BITS * all as f64;
     let (unit, count) = (unit_of(form.depth), form.size.texels() * form.channels() as u64);
@@ -177,18 +188,26 @@ fn settled(
     check: CancelCheck<'_>,
 ) -> Result<Settled, EncodeError> {
     let (mut form, mut tables) = begun(form);
-    let tables_of = |stops: &AllStops| stops.iter().map(|stops| Table::new(&stops.frequencies())).collect();
+    let tried = looks.passes - 1;
     for _ in 1..looks.passes {
-        let pass = Pass { stride: STRIDE, metric: looks.metric, is_measured: true };
+        let pass = Pass { stride: STRIDE, metric: looks.metric, tried: 0, is_measured: true };
         let quantised = quantise(planes, &form, &SymbolBits::new(&tables), pass, check)?;
-        tables = tables_of(&fit(&quantised.counter.counts).all);
+        let counts = &quantised.counter.counts;
+        form.intra = fit_modes(counts, &StopBits::new()).map(|(none, _)| none).or(form.intra);
+        tables = tables_of(&fit(counts).all, form.intra);
         form.quantiser.offsets = quantised.offsets;
     }
-    let pass = Pass { stride: 1, metric: looks.metric, is_measured: false };
-    let quantised = quantise(planes, &form, &SymbolBits::new(&tables), pass, check)?;
-    let Fitted { all, begin, bytes } = fit(&quantised.counter.counts);
+    let pass = Pass { stride: 1, metric: looks.metric, tried, is_measured: false };
+    let mut quantised = quantise(planes, &form, &SymbolBits::new(&tables), pass, check)?;
+    let counts = &quantised.counter.counts;
+    form.intra = fit_modes(counts, &StopBits::new()).map(|(none, _)| none);
+    let Fitted { all, begin, bytes } = fit(counts);
     let stops = StoredStops { begin, is_dependent: true, bytes };
-    Ok(Settled { form, planes: quantised.planes, stops, tables: tables_of(&all) })
+    if form.intra.is_none() {
+        quantised.planes.iter_mut().flatten().for_each(|superblock| superblock.modes = Vec::new());
+    }
+    let tables = tables_of(&all, form.intra);
+    Ok(Settled { form, planes: quantised.planes, stops, tables })
 }
 
 impl Settled {
@@ -254,6 +273,8 @@ struct Pass {
     stride: usize,
     /// What errors count.
     metric: Metric,
+    /// Intra modes that are quantised for each block beside none.
+    tried: usize,
     /// Whether reconstruction offsets and errors are measured.
     is_measured: bool,
 }
@@ -263,7 +284,7 @@ fn quantise(
     planes: &[Coefficients],
     form: &DctForm,
     symbol_bits: &SymbolBits,
-    Pass { stride, metric, is_measured }: Pass,
+    Pass { stride, metric, tried, is_measured }: Pass,
     check: CancelCheck<'_>,
 ) -> Result<Quantised, EncodeError> {
     let ranks = form.ranks();
@@ -288,6 +309,7 @@ fn quantise(
             ranks: &ranks,
             base: base.as_ref(),
             symbol_bits,
+            chooser: (plane == 0 && base.is_some()).then(|| Chooser::new(tried)),
             is_measured,
         };
         let mut superblocks = Vec::new();
@@ -350,6 +372,8 @@ struct PlaneQuantiser<'a> {
     ranks: &'a [u8],
     base: Option<&'a Patch>,
     symbol_bits: &'a SymbolBits,
+    /// What chooses intra modes, where blocks may have such.
+    chooser: Option<Chooser>,
     is_measured: bool,
 }
 
@@ -429,37 +453,111 @@ impl PlaneQuantiser<'_> {
         around.reset(blocks.0, blocks.1, self.ranks.len());
         let mut superblock = Superblock::new(blocks);
         let mut trellis = Trellis::default();
-        for (block, (column, row)) in places(shape, place).enumerate() {
-            let at = row * shape.blocks.0 + column;
-            let masking = self.masking.as_ref().map_or(1.0, |masking| masking[at]);
-            for (axis, &rank) in self.ranks.iter().enumerate() {
-                let set = set_of(self.plane > 0, rank == 0);
-                let quantising = Quantising {
-                    steps: &self.steps,
-                    offsets: self.form.quantiser.offsets.map(|offset| f32::from(offset) / 32.0),
-                    first: self.first(),
-                    lambda: LAMBDA * masking,
-                    symbol_bits: self.symbol_bits,
-                    set,
-                };
-                let coefficients = &self.coefficients.blocks[at * self.ranks.len() + axis];
-                let is_cutout = self.coefficients.cutout == Some(axis);
-                let larger = is_cutout.then(|| coefficients.map(|value| value * cutout::scale_of(self.form)));
-                let coefficients = larger.as_ref().unwrap_or(coefficients);
-                let predicted = self.base.map(|base| base.predict(axis, column, row));
-                let neighbours = around.of(block, axis, rank > 1);
-                let levels = quantising.block(coefficients, predicted, &neighbours, &mut trellis);
-                if self.is_measured {
-                    quantising.measure(coefficients, predicted, &levels, self.weights_of(axis), part);
-                }
+        let held = if self.chooser.is_some() {
+            self.ranks.len() * COEFFICIENTS * shape.side * shape.side
+        } else {
+            0
+        };
+        let mut samples = vec![0; held];
+        for (block, place) in places(shape, place).enumerate() {
+            let mut choice = Choice::default();
+            for axis in 0..self.ranks.len() {
+                let at = At { block, axis, place, columns: blocks.0 };
+                let levels = self.axis(at, &mut choice, &around, &mut samples, &mut trellis, part);
                 let end = end_symbol(coded(&levels, self.first()));
                 around.keep(block, axis, &magnitudes_of(&levels), end);
                 superblock.push(&levels);
+            }
+            if self.chooser.is_some() {
+                around.modes.push(choice.mode);
+                superblock.modes.push(choice.mode);
             }
         }
         superblock.shrink();
         superblock.walk(self.plane > 0, self.first(), self.ranks, &mut part.counter);
         part.superblocks.push(superblock);
+    }
+
+    /// Quantises a block's axis, the first with the choice of its mode. `samples` are those of the superblock as far as it is
+    /// quantised, where blocks may have modes.
+    fn axis(
+        &self,
+        at: At,
+        choice: &mut Choice,
+        around: &Around,
+        samples: &mut [i32],
+        trellis: &mut Trellis,
+        part: &mut Part,
+    ) -> Levels {
+        let At { block, axis, place: (column, row), columns } = at;
+        let shape = self.shape();
+        let number = row * shape.blocks.0 + column;
+        let rank = self.ranks[axis];
+        let masking = self.masking.as_ref().map_or(1.0, |masking| masking[number]);
+        let quantising = Quantising {
+            steps: &self.steps,
+            offsets: self.form.quantiser.offsets.map(|offset| f32::from(offset) / 32.0),
+            first: self.first(),
+            lambda: LAMBDA * masking,
+            symbol_bits: self.symbol_bits,
+            set: set_of(self.plane > 0, rank == 0),
+        };
+        let mut coefficients = self.coefficients.blocks[number * self.ranks.len() + axis];
+        if self.coefficients.cutout == Some(axis) {
+            coefficients = coefficients.map(|value| value * cutout::scale_of(self.form));
+        }
+        let mut predicted = self.base.map(|base| base.predict(axis, column, row));
+        let neighbours = around.of(block, axis, rank > 1);
+        let side = 8 * shape.side;
+        let inside = (block % columns, block / columns);
+        let mut prediction = None;
+        let mut known = None;
+        if let Some(chooser) = &self.chooser
+            && let Some(table) = around.modes.table()
+            && let Some(references) = References::new(&samples[axis * side * side..], side, columns, inside)
+        {
+            if axis == 0 {
+                let first = FirstAxis {
+                    quantising: &quantising,
+                    coefficients: &coefficients,
+                    predicted,
+                    neighbours: &neighbours,
+                    references: &references,
+                    table,
+                };
+                *choice = chooser.choose(&first, trellis);
+                known = choice.levels;
+            }
+            prediction = (choice.mode > 0).then(|| references.predict(choice.mode));
+            (coefficients, predicted) = chooser.against(&coefficients, predicted, prediction.as_ref());
+        }
+        let levels =
+            known.unwrap_or_else(|| quantising.block(&coefficients, predicted, &neighbours, trellis));
+        if self.is_measured {
+            quantising.measure(&coefficients, predicted, &levels, self.weights_of(axis), part);
+        }
+        if self.chooser.is_some() {
+            let own = &mut samples[axis * side * side..][..side * side];
+            put(own, side, inside, &self.rebuilt(&levels, predicted));
+            prediction.iter().for_each(|prediction| add(own, side, inside, prediction));
+        }
+        levels
+    }
+
+    /// The samples of a block's axis as the decoder sees them, without an intra prediction.
+    fn rebuilt(&self, levels: &Levels, predicted: Option<[i32; 6]>) -> [i32; COEFFICIENTS] {
+        let mut coefficients = [0; COEFFICIENTS];
+        PREDICTED
+            .iter()
+            .zip(predicted.into_iter().flatten())
+            .for_each(|(&at, value)| coefficients[at] = value);
+        let states = states_of(levels);
+        for (at, &level) in levels.iter().enumerate().filter(|(_, level)| **level != 0) {
+            let value = self.steps.rebuilt(at, 2 * level.unsigned_abs() - states[at].odd());
+            let signed = if level < 0 { value.wrapping_neg() } else { value };
+            coefficients[at] = coefficients[at].wrapping_add(signed);
+        }
+        inverse(coefficients)
     }
 
     /// The plane as the decoder sees it.
@@ -472,18 +570,8 @@ impl PlaneQuantiser<'_> {
             let mut levels = superblock.levels();
             for (column, row) in places(shape, place) {
                 for (axis, levels) in levels.by_ref().take(self.ranks.len()).enumerate() {
-                    let mut coefficients = [0; COEFFICIENTS];
-                    if let Some(base) = self.base {
-                        let predicted = base.predict(axis, column, row);
-                        PREDICTED.iter().zip(predicted).for_each(|(&at, value)| coefficients[at] = value);
-                    }
-                    let states = states_of(&levels);
-                    for (at, &level) in levels.iter().enumerate().filter(|(_, level)| **level != 0) {
-                        let value = self.steps.rebuilt(at, 2 * level.unsigned_abs() - states[at].odd());
-                        let signed = if level < 0 { value.wrapping_neg() } else { value };
-                        coefficients[at] = coefficients[at].wrapping_add(signed);
-                    }
-                    patch.put(axis, column, row, &inverse(coefficients));
+                    let predicted = self.base.map(|base| base.predict(axis, column, row));
+                    patch.put(axis, column, row, &self.rebuilt(&levels, predicted));
                 }
             }
         }
@@ -495,13 +583,29 @@ impl Quantising<'_> {
     /// Adds how far a block's values lie below their magnitudes, and its squared error.
     fn measure(
         &self,
-        block: &super::forward::Block,
+        block: &Block,
         predicted: Option<[i32; 6]>,
         levels: &Levels,
         weights: &[f32; COEFFICIENTS],
         part: &mut Part,
     ) {
-        let residuals = residuals_of(block, predicted);
+        let moments = &mut part.moments;
+        let error = self.squared_error(&residuals_of(block, predicted), levels, weights, |beyond, below| {
+            moments[beyond].sum += (1024.0 * below.clamp(-8.0, 8.0)).round() as i64;
+            moments[beyond].count += 1;
+        });
+        part.squared_error += f64::from(error);
+    }
+
+    /// Squared error of a block's residuals in squared steps. `each` takes how far a value lies below its magnitude, which is more than 1 where
+    /// the number is 1.
+    pub(super) fn squared_error(
+        &self,
+        residuals: &Block,
+        levels: &Levels,
+        weights: &[f32; COEFFICIENTS],
+        mut each: impl FnMut(usize, f32),
+    ) -> f32 {
         let states = states_of(levels);
         let mut squared_error = 0.0;
         for at in (0..COEFFICIENTS).filter(|&at| at > 0 || self.first == 0) {
@@ -511,13 +615,23 @@ impl Quantising<'_> {
             if magnitude > 0 {
                 let beyond = usize::from(magnitude > 1);
                 below += magnitude as f32 - 0.5 * states[at].odd() as f32;
-                let moment = &mut part.moments[beyond];
-                moment.sum += (1024.0 * below.clamp(-8.0, 8.0)).round() as i64;
-                moment.count += 1;
+                each(beyond, below);
                 below -= self.offsets[beyond];
             }
             squared_error += weights[at] * below * below;
         }
-        part.squared_error += f64::from(squared_error);
+        squared_error
     }
+}
+
+/// A block's axis in its superblock.
+#[derive(Debug, Clone, Copy)]
+struct At {
+    /// Number in the superblock.
+    block: usize,
+    axis: usize,
+    /// Column and row of the block in the plane.
+    place: (usize, usize),
+    /// Columns of blocks of the superblock.
+    columns: usize,
 }

@@ -91,7 +91,7 @@ impl StopBits {
     }
 
     /// Bits of such symbols.
-    fn of(&self, stops: &Stops, counts: &[u32; SYMBOLS]) -> f64 {
+    pub(super) fn of(&self, stops: &Stops, counts: &[u32; SYMBOLS]) -> f64 {
         let tallies = tallies(stops, counts);
         stops
             .values()

@@ -115,6 +115,7 @@ impl Forward {
     }
 
     /// A block's coefficients.
+    #[inline(always)]
     pub(super) fn transform(&self, samples: &Block) -> Block {
         let mut half = [0.0; COEFFICIENTS];
         for (samples, half) in samples.chunks_exact(8).zip(half.chunks_exact_mut(8)) {

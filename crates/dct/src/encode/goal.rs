@@ -145,6 +145,7 @@ impl<'a> DctEncoder<'a> {
             superblock_log2: params.superblock_log2,
             base_log2: BASE_LOG2,
             quantiser: Quantiser::of_step(0),
+            intra: None,
             deblocking: 0,
             groups: Vec::new(),
         };

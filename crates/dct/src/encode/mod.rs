@@ -10,6 +10,7 @@ mod forward;
 mod goal;
 mod hidden;
 mod images;
+mod intra;
 mod masking;
 mod quantise;
 mod set;

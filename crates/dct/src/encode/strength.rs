@@ -161,9 +161,13 @@ mod tests {
                 let errors =
                     [0, 1, 2, 3].map(|strength| error(&source, &texture.clone().with_deblocking(strength)));
                 let least = errors.into_iter().fold(f64::INFINITY, f64::min);
-                // Rounding to samples is not what the encoder sees.
+                // Rounding to samples is not what the encoder sees: a twelfth for each, which differs by chance.
+                let rounding = source.samples().len() as f64 / 12.0;
                 let taken = errors[usize::from(texture.form().deblocking)];
-                assert!(taken <= 1.005 * least, "noise {noise}, step {step}: {taken} of {errors:?}");
+                assert!(
+                    taken <= 1.005 * least + 0.01 * rounding,
+                    "noise {noise}, step {step}: {taken} of {errors:?}"
+                );
             }
         }
     }

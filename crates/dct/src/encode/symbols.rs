@@ -1,8 +1,9 @@
 //! The symbols of quantised blocks: one walk for counting, for bits and for the stream.
 
 use crate::context::{
-    Around, END_BITS, END_START, ESCAPE, FIRST_END, FIRST_LAST, FIRST_ODD, LEVELS, MAGNITUDE_BITS,
-    MAGNITUDE_START, Magnitudes, Neighbours, SET_TABLES, SIGNS, State, TABLES, first_table, held, set_of,
+    Around, END_BITS, END_START, ESCAPE, FIRST_END, FIRST_LAST, FIRST_MODE, FIRST_ODD, LEVELS,
+    MAGNITUDE_BITS, MAGNITUDE_START, MODE_TABLES, Magnitudes, Neighbours, SET_TABLES, SIGNS, State,
+    first_table, held, set_of,
 };
 use crate::rans_encode::Op;
 use crate::scan::{COEFFICIENTS, PADDED, SCAN};
@@ -25,7 +26,9 @@ impl SymbolBits {
             let within = if number < FIRST_ODD { number % SET_TABLES } else { 0 };
             std::array::from_fn(|symbol| {
                 let frequency = (table.ranges[symbol] & 0xffff) as f32;
-                let plain = if within >= FIRST_END {
+                let plain = if number >= FIRST_MODE {
+                    0.0
+                } else if within >= FIRST_END {
                     f32::from(END_BITS[symbol])
                 } else {
                     // The last magnitude is coded less one and always has a sign.
@@ -101,7 +104,7 @@ pub(super) struct Counter {
 
 impl Default for Counter {
     fn default() -> Self {
-        Counter { counts: vec![[0; SYMBOLS]; TABLES], plain_bits: 0 }
+        Counter { counts: vec![[0; SYMBOLS]; FIRST_MODE + MODE_TABLES], plain_bits: 0 }
     }
 }
 
@@ -176,6 +179,8 @@ impl Sink for BlockBits<'_> {
 pub(super) struct Superblock {
     /// Columns and rows of blocks.
     pub blocks: (usize, usize),
+    /// Intra modes of its blocks, where they have such.
+    pub modes: Vec<u8>,
     /// Number of levels of each block.
     counts: Vec<u8>,
     /// Levels in the order of coding.
@@ -185,7 +190,7 @@ pub(super) struct Superblock {
 impl Superblock {
     /// Without levels yet.
     pub(super) fn new(blocks: (usize, usize)) -> Superblock {
-        Superblock { blocks, counts: Vec::new(), levels: Vec::new() }
+        Superblock { blocks, modes: Vec::new(), counts: Vec::new(), levels: Vec::new() }
     }
 
     pub(super) fn push(&mut self, levels: &Levels) {
@@ -196,6 +201,7 @@ impl Superblock {
 
     /// Gives back the memory that no block needs.
     pub(super) fn shrink(&mut self) {
+        self.modes.shrink_to_fit();
         self.counts.shrink_to_fit();
         self.levels.shrink_to_fit();
     }
@@ -220,6 +226,11 @@ impl Superblock {
             let (block, axis) = (number / ranks.len(), number % ranks.len());
             if axis == 0 {
                 sink.next_block();
+                let mode = self.modes.get(block).copied().unwrap_or_default();
+                if let Some(table) = around.modes.table().filter(|_| !self.modes.is_empty()) {
+                    sink.symbol(table, mode.into());
+                }
+                around.modes.push(mode);
             }
             let set = set_of(is_base, ranks[axis] == 0);
             let neighbours = around.of(block, axis, ranks[axis] > 1);
@@ -256,7 +267,8 @@ pub(super) fn magnitudes_of(levels: &Levels) -> Magnitudes {
     magnitudes
 }
 
-fn walk_block(
+/// Gives the symbols of a block's axis to `sink`.
+pub(super) fn walk_block(
     levels: &Levels,
     first: usize,
     set: usize,

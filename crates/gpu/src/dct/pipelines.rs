@@ -31,7 +31,7 @@ struct Writer {
 #[derive(Debug)]
 pub(super) struct Pipelines {
     /// Those of all entries but the last, in their order.
-    decode: [ComputePipeline; 4],
+    decode: [ComputePipeline; 5],
     passes: BindGroupLayout,
     /// For each target what writes to it, made when it is first needed.
     writers: [OnceLock<Writer>; DctTarget::ALL.len()],
@@ -42,8 +42,8 @@ impl Pipelines {
         let buffers = [uniform(Some(PASS_BYTES as u64)), storage(true), storage(true), storage(false)];
         let passes = layout(device, "passes of blocks", ShaderStages::COMPUTE, &buffers);
         let module = module(device, DctTarget::Unorm8);
-        let [read, transform, columns, rows, _] = DctEntry::ALL;
-        let decode = [read, transform, columns, rows]
+        let [read, transform, predict, columns, rows, _] = DctEntry::ALL;
+        let decode = [read, transform, predict, columns, rows]
             .map(|entry| pipeline(device, &module, entry.name(), &[Some(&passes)]));
         Pipelines { decode, passes, writers: Default::default() }
     }

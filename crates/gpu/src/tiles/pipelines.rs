@@ -122,6 +122,7 @@ pub(super) struct Pipelines {
     clear: ComputePipeline,
     read: ComputePipeline,
     transform: ComputePipeline,
+    predict: ComputePipeline,
     deblock: [ComputePipeline; 2],
     write: ComputePipeline,
     /// For each buffer of streams.
@@ -164,6 +165,7 @@ impl Pipelines {
             clear: pass("clear_scratch"),
             read: pass("read_superblocks"),
             transform: pass("transform_blocks"),
+            predict: pass("predict_blocks"),
             deblock: [pass("deblock_columns"), pass("deblock_rows")],
             write: pipeline(device, &module, "write_tiles", &[Some(&decode_layout), Some(&output_layout)]),
             decode,
@@ -203,6 +205,8 @@ impl Pipelines {
         for plane in 0..PLANES {
             dispatch(&self.transform, first, plane, 2 + plane);
         }
+        // As many workgroups as for the superblocks of all planes.
+        dispatch(&self.predict, first, PLANES - 1, 1);
         for pipeline in &self.deblock {
             dispatch(pipeline, first, PLANES - 1, 1 + PLANES);
         }

@@ -192,7 +192,8 @@ class _Pipelines:
         self._layouts = [layout(passes, stored, stored, scratch), layout({"buffer": {"type": "uniform"}}, target)]
         module = device.create_shader_module(code=shader)
         self.of = {}
-        for entry in ("read_superblocks", "transform_blocks", "deblock_columns", "deblock_rows", "write_texels"):
+        names = ("read_superblocks", "transform_blocks", "predict_blocks", "deblock_columns", "deblock_rows", "write_texels")
+        for entry in names:
             groups = self._layouts if entry == "write_texels" else self._layouts[:1]
             whole = device.create_pipeline_layout(bind_group_layouts=groups)
             self.of[entry] = device.create_compute_pipeline(layout=whole, compute={"module": module, "entry_point": entry})

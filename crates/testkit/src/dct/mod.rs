@@ -4,9 +4,11 @@
 //! streams of a plane, then the inverse transforms of its blocks, then channels. `decode.rs` gives the same texels, faster: one superblock at a time, 8-bit
 //! magnitudes, loops over lanes.
 
+mod intra;
 mod passes;
 mod samples;
 
+pub use intra::*;
 pub use passes::decode;
 pub use samples::*;
 
@@ -37,6 +39,8 @@ pub const TEXFOLD_BLOCK_ODD_TABLES: u32 = 48;
 pub const TEXFOLD_BLOCK_NEXT_EVEN: u32 = 1933730128;
 /// The same behind an odd magnitude.
 pub const TEXFOLD_BLOCK_NEXT_ODD: u32 = 1365263218;
+/// Absolute angles of the directions 0 to 3, 8 bits each; those of 4 to 6 are the same backwards.
+pub const TEXFOLD_BLOCK_ANGLES: u32 = 331034;
 /// First table of the last coefficient's magnitude in a set.
 pub const TEXFOLD_BLOCK_FIRST_LAST: u32 = 96;
 /// First table of numbers of coefficients in a set.
@@ -121,6 +125,8 @@ pub struct TexfoldBlockAround {
     odd_tables: u32,
     /// Table of its number of coefficients.
     end_table: u32,
+    /// Table of the block's intra mode; 0 where it has none.
+    mode_table: u32,
 }
 
 /// How far a superblock is read.
@@ -252,6 +258,11 @@ pub fn texfold_block_large(view: &DctView<'_>, stream: &mut TexfoldBlockStream, 
     first + (low | high << 12)
 }
 
+/// Whether the plane's blocks have intra modes.
+pub fn texfold_block_has_modes(view: &DctView<'_>) -> bool {
+    view.pass.offsets >> 17 & 1 == 1 && view.pass.is_base == 0
+}
+
 /// Where the contexts of a block's axis look: of the block of that number in its superblock, which has `blocks` columns and
 /// rows and begins at `corner` of the blocks that are held.
 pub fn texfold_block_around(
@@ -275,9 +286,14 @@ pub fn texfold_block_around(
     // Where there is only one neighbour, it counts twice.
     let left = select(other, one, has_left);
     let above = select(one, other, has_above);
-    let ends = view.scratch(select(above_end, left_end, has_left)) as u32
-        + view.scratch(select(left_end, above_end, has_above)) as u32;
+    let before = view.scratch(select(above_end, left_end, has_left)) as u32;
+    let over = view.scratch(select(left_end, above_end, has_above)) as u32;
+    let ends = (before & 255) + (over & 255);
     let apart = !has_left && !has_above;
+    // Those of modes stand behind all others.
+    let modes = 4 * (TEXFOLD_BLOCK_SET_TABLES + TEXFOLD_BLOCK_ODD_TABLES);
+    let has_mode = texfold_block_has_modes(view) && axis == 0 && !apart;
+    let predicted = u32::from(has_left && before > 255) + u32::from(has_above && over > 255);
     let set = 2 * view.pass.is_base + u32::from(rank > 0);
     let tables = set * TEXFOLD_BLOCK_SET_TABLES;
     let cross = select(0, own.wrapping_sub(columns * rows * TEXFOLD_BLOCK_WORDS), rank > 1);
@@ -291,6 +307,7 @@ pub fn texfold_block_around(
         tables,
         odd_tables: 4 * TEXFOLD_BLOCK_SET_TABLES + set * TEXFOLD_BLOCK_ODD_TABLES,
         end_table: tables + TEXFOLD_BLOCK_FIRST_END + select(texfold_block_end_class(ends), 8, apart),
+        mode_table: select(0, modes + predicted, has_mode),
     }
 }
 
@@ -306,7 +323,7 @@ pub fn texfold_block_magnitude(view: &DctView<'_>, at: u32) -> u32 {
 
 /// The state of dependent quantisation behind a magnitude.
 pub fn texfold_block_next(view: &DctView<'_>, state: u32, magnitude: u32) -> u32 {
-    let is_dependent = view.pass.offsets >> 16;
+    let is_dependent = view.pass.offsets >> 16 & 1;
     let states = select(TEXFOLD_BLOCK_NEXT_EVEN, TEXFOLD_BLOCK_NEXT_ODD, magnitude & is_dependent == 1);
     states >> (4 * state) & 7
 }
@@ -367,11 +384,15 @@ pub fn texfold_block_round(
     let at = scan & 255;
     let zone = scan >> 8 & 255;
     let mut table = progress.around.tables + TEXFOLD_BLOCK_FIRST_LAST + zone;
+    let mut mode = 0;
     if begins {
         let axes = view.pass.axes;
         progress.around =
             texfold_block_around(view, corner, blocks, progress.item / axes, progress.item % axes);
         table = progress.around.end_table;
+        if progress.around.mode_table > 0 {
+            mode = texfold_block_symbol(view, stream, progress.around.mode_table);
+        }
     } else if progress.is_last == 0 {
         let level = texfold_block_level(view, &progress.around, at);
         let even = progress.around.tables + zone * TEXFOLD_BLOCK_ZONE_TABLES;
@@ -386,7 +407,7 @@ pub fn texfold_block_round(
         progress.is_last = 1;
         progress.state = 0;
         progress.nonzero = UVec2::ZERO;
-        view.scratch[progress.around.notes as usize] = symbol as i32;
+        view.scratch[progress.around.notes as usize] = (symbol | mode << 8) as i32;
     } else {
         let mut magnitude = symbol;
         if symbol > 7 {
@@ -409,12 +430,17 @@ pub fn texfold_block_round(
     progress.item += u32::from(progress.left == 0);
 }
 
+/// Columns and rows of blocks of the superblock in that column and row of the plane.
+pub fn texfold_block_blocks(view: &DctView<'_>, superblock: UVec2) -> UVec2 {
+    (UVec2::from(view.pass.plane_blocks) - superblock * view.pass.side).min(UVec2::splat(view.pass.side))
+}
+
 /// Reads the superblock in that column and row of those to decode.
 pub fn texfold_block_superblock(view: &mut DctView<'_>, place: UVec2) {
     let side = view.pass.side;
     let superblock =
         texfold_block_wrapped(UVec2::from(view.pass.first) + place, UVec2::from(view.pass.wrap) / side);
-    let blocks = (UVec2::from(view.pass.plane_blocks) - superblock * side).min(UVec2::splat(side));
+    let blocks = texfold_block_blocks(view, superblock);
     let items = blocks.x * blocks.y * view.pass.axes;
     let row = view.pass.superblock_start + superblock.y * view.pass.superblock_columns;
     let mut stream = texfold_block_stream(view, row + superblock.x);

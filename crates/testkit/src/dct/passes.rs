@@ -5,7 +5,8 @@ use texfold_core::{GpuChannel, GpuDct, Rect, RegionError};
 use texfold_shaders::DctPlan;
 
 use super::{
-    DctView, texfold_block_channel, texfold_block_deblock, texfold_block_samples, texfold_block_superblock,
+    DctView, texfold_block_add, texfold_block_channel, texfold_block_deblock, texfold_block_has_modes,
+    texfold_block_row, texfold_block_samples, texfold_block_sum, texfold_block_superblock,
 };
 
 /// Texels of a rectangle as a GPU's passes give them; `rect.level` is 0.
@@ -25,6 +26,18 @@ pub fn decode(blocks: &GpuDct<'_>, rect: Rect) -> Result<Vec<u16>, RegionError> 
         }
         let slots = pass.held[0] * pass.held[1] * pass.axes;
         (0..slots).for_each(|slot| texfold_block_samples(view, slot));
+        if texfold_block_has_modes(view) {
+            for pair in 0..columns * rows * pass.axes {
+                let (number, axis) = (pair / pass.axes, pair % pass.axes);
+                let place = UVec2::new(number % columns, number / columns);
+                for block in 0..pass.side * pass.side {
+                    let lines: Vec<_> =
+                        (0..8).map(|line| texfold_block_row(view, place, axis, block, line)).collect();
+                    let sum = lines.iter().map(|&line| texfold_block_sum(line)).fold(0, i32::wrapping_add);
+                    lines.into_iter().for_each(|line| texfold_block_add(view, line, sum));
+                }
+            }
+        }
         if pass.deblocking > 0 {
             (0..slots).for_each(|slot| texfold_block_deblock(view, slot, 0));
             (0..slots).for_each(|slot| texfold_block_deblock(view, slot, 1));

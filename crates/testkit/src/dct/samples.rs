@@ -172,7 +172,10 @@ pub fn texfold_block_samples(view: &mut DctView<'_>, slot: u32) {
     let at = texfold_block_place(view, slot).as_ivec2();
     let own = view.pass.samples + slot * TEXFOLD_BLOCK_WORDS;
     let none = [IVec4::ZERO; 3];
-    let predicted = if view.pass.has_base == 1 { texfold_block_predict(view, axis, at) } else { none };
+    let mut predicted = if view.pass.has_base == 1 { texfold_block_predict(view, axis, at) } else { none };
+    if texfold_block_has_modes(view) && texfold_block_mode(view, slot) > 0 {
+        predicted = [IVec4::new(predicted[0].x, 0, 0, 0), none[1], none[2]];
+    }
     let signs = texfold_block_signs(view, slot);
     let [upper0, upper1, upper2, upper3, upper4, upper5, upper6, upper7] =
         texfold_block_half(view, &signs, own, 0, predicted);

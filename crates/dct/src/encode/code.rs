@@ -9,7 +9,7 @@ use super::cutout;
 use super::fit::{Fitted, StopBits, fit};
 use super::forward::{Block, Coefficients};
 use super::goal::unit_of;
-use super::intra::{Choice, Chooser, FirstAxis, fit_modes};
+use super::intra::{BlockAxis, Choice, Chooser, fit_modes};
 use super::masking::masking;
 use super::quantise::{Quantising, Trellis, residuals_of};
 use super::symbols::{
@@ -41,6 +41,8 @@ const ESTIMATED: usize = 256;
 const SUPERBLOCK_BITS: f64 = 17.5;
 /// Share of squared errors that deblocking and the clamping of samples leave: 0.2 dB is the median of 11 images at 32 and at 40 dB.
 const DEBLOCKED: f64 = 0.955;
+/// Most superblocks of an image that is quantised without intra modes, too, as these may take more than they save.
+const SMALL: usize = 16;
 /// Superblocks that a thread quantises one after the other.
 const PART: usize = 16;
 /// Magnitudes whose reconstruction is measured: of 1, and of more.
@@ -65,6 +67,21 @@ struct Quantised {
     offsets: [u8; OFFSETS],
     /// Sum of squared errors, in squared steps of coefficients that all count alike; 0 where they are not measured.
     squared_error: f64,
+}
+
+impl Quantised {
+    /// Bits of all symbols and of their tables.
+    fn bits(&self) -> f64 {
+        let Counter { counts, plain_bits } = &self.counter;
+        let bits = StopBits::new();
+        let modes = fit_modes(counts, &bits).map_or(0.0, |(_, bits)| bits);
+        fit(counts).bits(counts, &bits) + modes + *plain_bits as f64
+    }
+
+    /// Bits and what errors count of them.
+    fn cost(&self) -> f64 {
+        self.bits() + self.squared_error / f64::from(LAMBDA)
+    }
 }
 
 /// Bits and errors of textures at a step, estimated.
@@ -166,9 +183,6 @@ pub(super) fn estimate(
     let stride = (superblocks / ESTIMATED).max(STRIDE);
     let pass = Pass { stride, metric, tried: 0, is_measured: true };
     let quantised = quantise(planes, &form, &SymbolBits::new(&tables), pass, check)?;
-    let Counter { counts, plain_bits } = &quantised.counter;
-    let bits = StopBits::new();
-    let symbols = fit(counts).bits(counts, &bits) + fit_modes(counts, &bits).map_or(0.0, |(_, bits)| bits);
     let all: usize = planes.iter().map(|plane| plane.shape.count()).sum();
     let beside = SUPERBLOCK_BITS * all as f64;
     let (unit, count) = (unit_of(form.depth), form.size.texels() * form.channels() as u64);
@@ -177,7 +191,7 @@ pub(super) fn estimate(
     let size = form.quantiser.step_size() / scale;
     // Rounding to samples adds a twelfth each.
     let sum = (DEBLOCKED * quantised.squared_error * size * size + count as f64 / 12.0) / (unit * unit);
-    Ok(Estimate { bits: symbols + *plain_bits as f64 + beside, squared_error: SquaredError { sum, count } })
+    Ok(Estimate { bits: quantised.bits() + beside, squared_error: SquaredError { sum, count } })
 }
 
 /// Numbers and tables at that header's step.
@@ -197,8 +211,16 @@ fn settled(
         tables = tables_of(&fit(counts).all, form.intra);
         form.quantiser.offsets = quantised.offsets;
     }
-    let pass = Pass { stride: 1, metric: looks.metric, tried, is_measured: false };
+    let is_small = planes.first().is_some_and(|plane| plane.shape.count() <= SMALL);
+    let pass = Pass { stride: 1, metric: looks.metric, tried, is_measured: is_small };
     let mut quantised = quantise(planes, &form, &SymbolBits::new(&tables), pass, check)?;
+    if is_small {
+        let without = DctForm { intra: None, ..form.clone() };
+        let other = quantise(planes, &without, &SymbolBits::new(&tables), pass, check)?;
+        if other.cost() < quantised.cost() {
+            quantised = other;
+        }
+    }
     let counts = &quantised.counter.counts;
     form.intra = fit_modes(counts, &StopBits::new()).map(|(none, _)| none);
     let Fitted { all, begin, bytes } = fit(counts);
@@ -309,7 +331,7 @@ fn quantise(
             ranks: &ranks,
             base: base.as_ref(),
             symbol_bits,
-            chooser: (plane == 0 && base.is_some()).then(|| Chooser::new(tried)),
+            chooser: form.intra.filter(|_| plane == 0 && base.is_some()).map(|_| Chooser::new(tried)),
             is_measured,
         };
         let mut superblocks = Vec::new();
@@ -449,27 +471,25 @@ impl PlaneQuantiser<'_> {
     fn superblock(&self, place: (usize, usize), part: &mut Part) {
         let shape = self.shape();
         let blocks = shape.blocks_in(place.0, place.1);
-        let mut around = Around::default();
-        around.reset(blocks.0, blocks.1, self.ranks.len());
         let mut superblock = Superblock::new(blocks);
-        let mut trellis = Trellis::default();
-        let held = if self.chooser.is_some() {
-            self.ranks.len() * COEFFICIENTS * shape.side * shape.side
-        } else {
-            0
+        let samples = if self.chooser.is_some() { COEFFICIENTS * shape.side * shape.side } else { 0 };
+        let mut held = Held {
+            around: Around::default(),
+            samples: vec![0; samples * self.ranks.len()],
+            trellis: Trellis::default(),
         };
-        let mut samples = vec![0; held];
+        held.around.reset(blocks.0, blocks.1, self.ranks.len());
         for (block, place) in places(shape, place).enumerate() {
-            let mut choice = Choice::default();
+            let at = At { block, inside: (block % blocks.0, block / blocks.0), place, columns: blocks.0 };
+            let choice = self.choice(at, &mut held);
             for axis in 0..self.ranks.len() {
-                let at = At { block, axis, place, columns: blocks.0 };
-                let levels = self.axis(at, &mut choice, &around, &mut samples, &mut trellis, part);
+                let levels = self.axis(at, axis, &choice, &mut held, part);
                 let end = end_symbol(coded(&levels, self.first()));
-                around.keep(block, axis, &magnitudes_of(&levels), end);
+                held.around.keep(block, axis, &magnitudes_of(&levels), end);
                 superblock.push(&levels);
             }
             if self.chooser.is_some() {
-                around.modes.push(choice.mode);
+                held.around.modes.push(choice.mode);
                 superblock.modes.push(choice.mode);
             }
         }
@@ -478,18 +498,9 @@ impl PlaneQuantiser<'_> {
         part.superblocks.push(superblock);
     }
 
-    /// Quantises a block's axis, the first with the choice of its mode. `samples` are those of the superblock as far as it is
-    /// quantised, where blocks may have modes.
-    fn axis(
-        &self,
-        at: At,
-        choice: &mut Choice,
-        around: &Around,
-        samples: &mut [i32],
-        trellis: &mut Trellis,
-        part: &mut Part,
-    ) -> Levels {
-        let At { block, axis, place: (column, row), columns } = at;
+    /// A block's axis.
+    fn block_axis<'b>(&'b self, at: At, axis: usize, around: &'b Around, samples: &[i32]) -> BlockAxis<'b> {
+        let At { block, inside, place: (column, row), columns } = at;
         let shape = self.shape();
         let number = row * shape.blocks.0 + column;
         let rank = self.ranks[axis];
@@ -506,40 +517,59 @@ impl PlaneQuantiser<'_> {
         if self.coefficients.cutout == Some(axis) {
             coefficients = coefficients.map(|value| value * cutout::scale_of(self.form));
         }
-        let mut predicted = self.base.map(|base| base.predict(axis, column, row));
-        let neighbours = around.of(block, axis, rank > 1);
         let side = 8 * shape.side;
-        let inside = (block % columns, block / columns);
-        let mut prediction = None;
-        let mut known = None;
-        if let Some(chooser) = &self.chooser
-            && let Some(table) = around.modes.table()
-            && let Some(references) = References::new(&samples[axis * side * side..], side, columns, inside)
-        {
-            if axis == 0 {
-                let first = FirstAxis {
-                    quantising: &quantising,
-                    coefficients: &coefficients,
-                    predicted,
-                    neighbours: &neighbours,
-                    references: &references,
-                    table,
-                };
-                *choice = chooser.choose(&first, trellis);
-                known = choice.levels;
-            }
-            prediction = (choice.mode > 0).then(|| references.predict(choice.mode));
-            (coefficients, predicted) = chooser.against(&coefficients, predicted, prediction.as_ref());
+        BlockAxis {
+            quantising,
+            coefficients,
+            predicted: self.base.map(|base| base.predict(axis, column, row)),
+            neighbours: around.of(block, axis, rank > 1),
+            references: self
+                .chooser
+                .as_ref()
+                .and_then(|_| References::new(&samples[axis * side * side..], side, columns, inside)),
         }
-        let levels =
-            known.unwrap_or_else(|| quantising.block(&coefficients, predicted, &neighbours, trellis));
+    }
+
+    /// The mode of a block.
+    fn choice(&self, at: At, Held { around, samples, trellis }: &mut Held) -> Choice {
+        let (Some(chooser), Some(table)) = (&self.chooser, around.modes.table()) else {
+            return Choice::default();
+        };
+        let firsts = (0..self.ranks.len()).filter(|&axis| self.ranks[axis] == 0);
+        let axes: Vec<BlockAxis<'_>> =
+            firsts.map(|axis| self.block_axis(at, axis, around, samples)).collect();
+        chooser.choose(&axes, table, trellis)
+    }
+
+    /// Quantises a block's axis.
+    fn axis(
+        &self,
+        at: At,
+        axis: usize,
+        choice: &Choice,
+        Held { around, samples, trellis }: &mut Held,
+        part: &mut Part,
+    ) -> Levels {
+        let own = self.block_axis(at, axis, around, samples);
+        let prediction = own.prediction(choice.mode);
+        let (coefficients, predicted) = match &self.chooser {
+            Some(chooser) => chooser.against(&own, prediction.as_ref()),
+            None => (own.coefficients, own.predicted),
+        };
+        let group = self.ranks[..axis].iter().filter(|&&rank| rank == 0).count();
+        let known = choice.levels.get(group).filter(|_| self.ranks[axis] == 0);
+        let levels = match known {
+            Some(levels) => *levels,
+            None => own.quantising.block(&coefficients, predicted, &own.neighbours, trellis),
+        };
         if self.is_measured {
-            quantising.measure(&coefficients, predicted, &levels, self.weights_of(axis), part);
+            own.quantising.measure(&coefficients, predicted, &levels, self.weights_of(axis), part);
         }
         if self.chooser.is_some() {
-            let own = &mut samples[axis * side * side..][..side * side];
-            put(own, side, inside, &self.rebuilt(&levels, predicted));
-            prediction.iter().for_each(|prediction| add(own, side, inside, prediction));
+            let side = 8 * self.shape().side;
+            let samples = &mut samples[axis * side * side..][..side * side];
+            put(samples, side, at.inside, &self.rebuilt(&levels, predicted));
+            prediction.iter().for_each(|prediction| add(samples, side, at.inside, prediction));
         }
         levels
     }
@@ -624,13 +654,22 @@ impl Quantising<'_> {
     }
 }
 
-/// A block's axis in its superblock.
+/// A superblock as far as it is quantised.
+struct Held {
+    around: Around,
+    /// Samples of each axis as the decoder sees them, where blocks may have modes.
+    samples: Vec<i32>,
+    trellis: Trellis,
+}
+
+/// A block in its superblock.
 #[derive(Debug, Clone, Copy)]
 struct At {
     /// Number in the superblock.
     block: usize,
-    axis: usize,
-    /// Column and row of the block in the plane.
+    /// Column and row in the superblock.
+    inside: (usize, usize),
+    /// Column and row in the plane.
     place: (usize, usize),
     /// Columns of blocks of the superblock.
     columns: usize,

@@ -18,6 +18,8 @@ use crate::form::{BASE_LOG2, DctForm, MAX_STEP, OCTAVE_STEPS, Quantiser};
 /// photographs, without masking: 61.7, 72.7, 82.8 at 0 (34.6, 37.1, 40.5 dB); 67.8, 77.0, 85.1 at 14 (0.5 dB less); 68.4, 77.4,
 /// 85.1 at 20 (0.7 dB less). With masking 12 has the quality of 20 without, and is 0.56 dB below 0.
 /// These figures, and those of masking and deblocking, are of before quantisers were dependent.
+/// *Not taken*: slopes for images or classes of blocks: the best of five for each of 11 images gives 0.05 points at 0.5, 1 and 2 bits more than the
+/// best for all; 16, with intra modes 0.3 points more for 0.1 dB and 0.0015 of SSIM less.
 const SLOPE: u8 = 12;
 
 /// Step, in units of 8-bit samples, from which on the slope grows.

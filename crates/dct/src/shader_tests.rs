@@ -77,6 +77,21 @@ fn independent_quantisers_equal_those_of_the_decoder() {
     }
 }
 
+/// Streams of noise have all modes.
+#[test]
+fn all_intra_modes_equal_those_of_the_decoder() {
+    let mut rng = Rng::new(8);
+    for log2 in [4, 5, 6] {
+        let DctTexture { mut form, stops, index, mut bytes, stream_bytes, .. } =
+            texture((150, 200), &[2, 3], 8, log2, 1500);
+        form.intra = Some([10, 20, 30]);
+        bytes.iter_mut().for_each(|byte| *byte = rng.below(256) as u8);
+        let texture = DctTexture::new(form, stops, index, bytes, stream_bytes);
+        let [wanted, found] = both(&texture, whole(&texture));
+        assert!(wanted == found, "superblocks of {log2}");
+    }
+}
+
 #[test]
 fn rectangles_equal_those_of_the_decoder() {
     let texture = texture((600, 140), &[3], 8, 4, 1680).with_deblocking(2);

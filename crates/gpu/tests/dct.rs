@@ -302,6 +302,26 @@ fn a_place_of_a_larger_texture_is_written_alone() {
     }
 }
 
+/// Streams of noise have all modes.
+#[test]
+fn all_intra_modes_give_what_the_cpu_gives() {
+    let Some((gpu, decoder)) = decoder() else { return };
+    let mut rng = Rng::new(12);
+    for log2 in [4, 5, 6] {
+        let texture = texture(&source(100, 75, &[3], 8), log2, 1520, Metric::Psnr);
+        let mut bytes = texture.to_bytes();
+        let first = bytes.len() - texture.gpu(Stage::default()).streams.len();
+        bytes[first..].iter_mut().for_each(|byte| *byte = rng.below(256) as u8);
+        // The header with modes, whether the texture has any or not.
+        let stored = if texture.form().intra.is_some() { 3 } else { 0 };
+        bytes.splice(12..12 + stored, [10, 20, 30]);
+        bytes[0] += if stored > 0 { 0 } else { 32 };
+        let mut reader = Reader::new(String4(*b"TEST"), &bytes);
+        let texture = DctTexture::read(&mut reader, &mut Budget::default()).unwrap();
+        check_all(&format!("superblocks of {log2}"), gpu, &decoder, &texture);
+    }
+}
+
 #[test]
 fn forged_and_truncated_streams_give_what_the_cpu_gives() {
     let Some((gpu, decoder)) = decoder() else { return };

@@ -4,8 +4,8 @@
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use texfold_shaders::{
-    Binding, DctTarget, Entry, MODULES, ModuleInfo, Offsets, PasteError, Slot, block, entry, image_modules,
-    light, paste, plain, tile_drawing, tile_passes, tile_plan, tiles,
+    Binding, DctEntry, DctTarget, Entry, MODULES, ModuleInfo, Offsets, PasteError, Slot, block, entry,
+    image_modules, light, paste, plain, tile_drawing, tile_passes, tile_plan, tiles,
 };
 
 fn validate(name: &str, source: &str) -> naga::Module {
@@ -77,17 +77,7 @@ fn block_decoders_are_valid_and_bind_little() {
     for target in DctTarget::ALL {
         let composed = validate(&format!("block {target:?}"), &block(target));
         let names: Vec<&str> = composed.entry_points.iter().map(|entry| entry.name.as_str()).collect();
-        assert_eq!(
-            names,
-            [
-                "read_superblocks",
-                "transform_blocks",
-                "predict_blocks",
-                "deblock_columns",
-                "deblock_rows",
-                "write_texels"
-            ]
-        );
+        assert_eq!(names, DctEntry::ALL.map(DctEntry::name));
         assert!(
             composed.entry_points.iter().all(|entry| entry.workgroup_size.iter().product::<u32>() <= 256)
         );

@@ -18,7 +18,7 @@ fn texfold_block_beside(own: u32, has: vec3<bool>, is_left: bool, place: u32) ->
     return texfold_block_scratch[select(select(above, left, from_left), own - line - 1u, is_corner)];
 }
 
-// How far a direction moves along the side that it comes from, in 1/32 of a sample for each sample away from it: 0 to 6.
+// Shift of a direction, 0 to 6, along the side that it comes from, in 1/32 of a sample for each sample away from it.
 fn texfold_block_angle(direction: u32) -> i32 {
     let angle = i32((TEXFOLD_BLOCK_ANGLES >> (8u * min(direction, 6u - direction))) & 255u);
     return select(angle, -angle, direction > 3u);

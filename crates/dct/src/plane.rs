@@ -22,7 +22,7 @@ const PLACE_BITS: u32 = COEFFICIENTS.ilog2();
 /// Places of the predicted coefficients: the mean first.
 pub(super) const PREDICTED: [usize; 6] = [0, 8, 16, 1, 9, 2];
 
-/// How many of [`PREDICTED`] follow from the means around a block: with an intra mode the mean alone.
+/// Number of [`PREDICTED`] that follow from the means around a block: with an intra mode the mean alone.
 #[inline(always)]
 pub(super) fn predicted_of(mode: u8) -> usize {
     if mode > 0 { 1 } else { PREDICTED.len() }

@@ -18,8 +18,8 @@ struct EntryPass {
 var<private> texfold_block_pass: TexfoldBlockPass;
 
 // The passes that decode a texture in blocks of variable length: first the streams of all planes, as streams need no samples. Then
-// the blocks of each plane, the coarsest first; where blocks of the image have intra modes, their predictions; last, where it is deblocked, the borders between columns of blocks and
-// those between rows.
+// the blocks of each plane, the coarsest first; where blocks of the image have intra modes, their predictions; last, where it is deblocked,
+// the borders between columns of blocks and those between rows.
 
 @compute @workgroup_size(ENTRY_STREAMS)
 fn read_superblocks(
@@ -48,35 +48,18 @@ fn transform_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-// Sums of the rows that a workgroup predicts.
-var<workgroup> entry_sums: array<i32, 64>;
-
-// Eight superblocks' axis a workgroup, eight rows of a block each, block by block: those that follow are predicted from it.
+// An axis of eight superblocks a workgroup.
 @compute @workgroup_size(64)
 fn predict_blocks(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
     texfold_block_pass = entry_passes[0].plane;
-    let side = entry_passes[0].plane.side;
     let count = texfold_block_pass.count;
     let number = 8u * group.x + lane / 8u;
     let is_there = number < count.x * count.y && texfold_block_has_modes();
-    for (var block = 0u; block < min(side * side, TEXFOLD_BLOCK_WORDS); block += 1u) {
-        var row = TexfoldBlockRow(0u, false, vec4<i32>(0), vec4<i32>(0));
-        if is_there {
-            row = texfold_block_row(vec2<u32>(number % count.x, number / count.x), group.y, block, lane % 8u);
-        }
-        entry_sums[lane] = texfold_block_sum(row);
-        workgroupBarrier();
-        var sum = 0;
-        for (var other = 0u; other < min(8u, TEXFOLD_BLOCK_WORDS); other += 1u) {
-            sum += entry_sums[lane / 8u * 8u + other];
-        }
-        texfold_block_add(row, sum);
-        workgroupBarrier();
-        storageBarrier();
-    }
+    let place = vec2<u32>(number % count.x, number / count.x);
+    entry_predict(place, is_there, group.y, entry_passes[0].plane.side, lane);
 }
 
 @compute @workgroup_size(64)

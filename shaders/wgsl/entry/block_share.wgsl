@@ -21,6 +21,8 @@ var<workgroup> texfold_block_tables: array<vec4<u32>, 2u * (ENTRY_TABLES + ENTRY
 // Magnitudes of the block's axis that is read, as far as contexts tell them apart; those of an invocation begin at texfold_block_lane.
 var<workgroup> texfold_block_held: array<u32, ENTRY_HELD * ENTRY_STREAMS>;
 var<private> texfold_block_lane: u32;
+// Sums of the rows that a workgroup predicts.
+var<workgroup> entry_sums: array<i32, 64>;
 
 // Prepares the memory for the streams of texfold_block_pass; a barrier must follow.
 fn entry_share(lane: u32) {
@@ -50,5 +52,25 @@ fn entry_share(lane: u32) {
             texfold_block_words[at + 2u],
             texfold_block_words[at + 3u],
         );
+    }
+}
+
+// Adds the predictions of an axis of the superblock in that column and row of those to decode, of `side` blocks a side. Eight invocations
+// have a superblock, one row of a block each, block by block: those that follow are predicted from it. All 64 of a workgroup call it.
+fn entry_predict(place: vec2<u32>, is_there: bool, axis: u32, side: u32, lane: u32) {
+    for (var block = 0u; block < min(side * side, TEXFOLD_BLOCK_WORDS); block += 1u) {
+        var row = TexfoldBlockRow(0u, false, vec4<i32>(0), vec4<i32>(0));
+        if is_there {
+            row = texfold_block_row(place, axis, block, lane % 8u);
+        }
+        entry_sums[lane] = texfold_block_sum(row);
+        workgroupBarrier();
+        var sum = 0;
+        for (var other = 0u; other < min(8u, TEXFOLD_BLOCK_WORDS); other += 1u) {
+            sum += entry_sums[lane / 8u * 8u + other];
+        }
+        texfold_block_add(row, sum);
+        workgroupBarrier();
+        storageBarrier();
     }
 }

@@ -80,11 +80,7 @@ fn transform_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-// Sums of the rows that a workgroup predicts.
-var<workgroup> entry_sums: array<i32, 64>;
-
-// Eight superblocks of a tile a workgroup, as they are read, eight rows of a block each, block by block: those that follow are predicted
-// from it. Groups that differ in y have axes in turn.
+// Eight superblocks of a tile a workgroup, as they are read. Groups that differ in y have axes in turn.
 @compute @workgroup_size(64)
 fn predict_blocks(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -96,26 +92,12 @@ fn predict_blocks(
     }
     let own = found.x * TEXFOLD_TILE_PLANES + entry_step.plane;
     texfold_block_pass = entry_plan.passes[own];
-    let side = entry_plan.passes[own].side;
     let count = texfold_block_pass.count;
     let number = found.y + lane / 8u;
     let is_there = number < count.x * count.y && texfold_block_has_modes();
+    let place = vec2<u32>(number % count.x, number / count.x);
     for (var axis = group.y; axis < entry_plan.passes[own].axes; axis += TEXFOLD_TILE_PLANES) {
-        for (var block = 0u; block < min(side * side, TEXFOLD_BLOCK_WORDS); block += 1u) {
-            var row = TexfoldBlockRow(0u, false, vec4<i32>(0), vec4<i32>(0));
-            if is_there {
-                row = texfold_block_row(vec2<u32>(number % count.x, number / count.x), axis, block, lane % 8u);
-            }
-            entry_sums[lane] = texfold_block_sum(row);
-            workgroupBarrier();
-            var sum = 0;
-            for (var other = 0u; other < min(8u, TEXFOLD_BLOCK_WORDS); other += 1u) {
-                sum += entry_sums[lane / 8u * 8u + other];
-            }
-            texfold_block_add(row, sum);
-            workgroupBarrier();
-            storageBarrier();
-        }
+        entry_predict(place, is_there, axis, entry_plan.passes[own].side, lane);
     }
 }
 

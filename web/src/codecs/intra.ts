@@ -3,7 +3,7 @@
 
 import { SIDE } from "./dct.js";
 
-/** How far each direction moves along the side that it comes from, in 1/32 of a sample for each sample away from it. */
+/** Shift of each direction along the side that it comes from, in 1/32 of a sample for each sample away from it. */
 const ANGLES = [26, 13, 5, 0, -5, -13, -26];
 const REFERENCES = 2 * SIDE + 1;
 

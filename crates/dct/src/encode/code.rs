@@ -78,7 +78,7 @@ impl Quantised {
         fit(counts).bits(counts, &bits) + modes + *plain_bits as f64
     }
 
-    /// Bits and what errors count of them.
+    /// Bits, and errors in bits at [`LAMBDA`].
     fn cost(&self) -> f64 {
         self.bits() + self.squared_error / f64::from(LAMBDA)
     }
@@ -213,10 +213,11 @@ fn settled(
     }
     let is_small = planes.first().is_some_and(|plane| plane.shape.count() <= SMALL);
     let pass = Pass { stride: 1, metric: looks.metric, tried, is_measured: is_small };
-    let mut quantised = quantise(planes, &form, &SymbolBits::new(&tables), pass, check)?;
+    let symbol_bits = SymbolBits::new(&tables);
+    let mut quantised = quantise(planes, &form, &symbol_bits, pass, check)?;
     if is_small {
         let without = DctForm { intra: None, ..form.clone() };
-        let other = quantise(planes, &without, &SymbolBits::new(&tables), pass, check)?;
+        let other = quantise(planes, &without, &symbol_bits, pass, check)?;
         if other.cost() < quantised.cost() {
             quantised = other;
         }
@@ -394,7 +395,7 @@ struct PlaneQuantiser<'a> {
     ranks: &'a [u8],
     base: Option<&'a Patch>,
     symbol_bits: &'a SymbolBits,
-    /// What chooses intra modes, where blocks may have such.
+    /// Choice among intra modes, where blocks may have such.
     chooser: Option<Chooser>,
     is_measured: bool,
 }

@@ -1,4 +1,4 @@
-//! Intra modes: which one a block has.
+//! Choice of blocks' intra modes.
 
 use super::forward::{Block, Forward};
 use super::quantise::{Quantising, Trellis, residuals_of};
@@ -11,17 +11,17 @@ use crate::tables::{STOP, STOP_VALUES};
 use crate::transform::inverse;
 use crate::vectors::vectorised;
 
-/// What a bit of a mode counts beside the logarithms of [`size`]. With 0.3 six photographs have 0.02 dB more at 0.5 and 1 bits a texel at effort
+/// Weight of a mode's bits beside the logarithms of [`size`]. With 0.3 six photographs have 0.02 dB more at 0.5 and 1 bits a texel at effort
 /// fast, two of foliage 0.03 less, which is then below means alone; with 0.8 the six have 0.06 dB less at 0.5 bits.
 const MODE_WEIGHT: f32 = 0.5;
 /// Difference of sizes above which they decide alone, where one mode is tried: bits are those of all tried, within 0.1 %.
 const MARGIN: f32 = 4.0;
-/// Modes whose coefficients are looked at: those of least absolute differences.
+/// Modes, those of least absolute differences, whose coefficients are compared.
 const NEAREST: usize = 3;
 /// Blocks of a table that its usual stopping probability counts as.
 const USUAL_BLOCKS: f64 = 4.0;
 
-/// What is chosen for a block.
+/// A block's mode.
 #[derive(Debug, Default)]
 pub(super) struct Choice {
     pub mode: u8,
@@ -29,7 +29,7 @@ pub(super) struct Choice {
     pub levels: Vec<Levels>,
 }
 
-/// What chooses the modes of blocks.
+/// Choice among modes.
 pub(super) struct Chooser {
     forward: Forward,
     /// Modes that are quantised beside none; where there are none, [`size`] decides alone.
@@ -42,10 +42,10 @@ pub(super) struct Chooser {
 pub(super) struct BlockAxis<'a> {
     pub quantising: Quantising<'a>,
     pub coefficients: Block,
-    /// What the means around the block say of it.
+    /// Its lowest coefficients, as the means around the block predict them.
     pub predicted: Option<[i32; 6]>,
     pub neighbours: Neighbours<'a>,
-    /// Where the block may have an intra mode.
+    /// Samples next to the block; none where it may not have a mode.
     pub references: Option<References>,
 }
 

@@ -23,7 +23,7 @@ pub fn texfold_block_beside(view: &DctView<'_>, own: u32, has: BVec3, is_left: b
     view.scratch(select(select(above, left, from_left), own.wrapping_sub(line + 1), is_corner))
 }
 
-/// How far a direction moves along the side that it comes from, in 1/32 of a sample for each sample away from it: 0 to 6.
+/// Shift of a direction, 0 to 6, along the side that it comes from, in 1/32 of a sample for each sample away from it.
 pub fn texfold_block_angle(direction: u32) -> i32 {
     let angle = (TEXFOLD_BLOCK_ANGLES >> (8 * direction.min(6 - direction)) & 255) as i32;
     select(angle, -angle, direction > 3)

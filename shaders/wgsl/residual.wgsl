@@ -51,7 +51,9 @@ struct TexfoldResidualParams {
     // Weights of the first four subbands.
     luma_weights: vec4<f32>,
     // Weights of the last three subbands.
-    chroma_weights: vec4<f32>,
+    chroma_weights: vec3<f32>,
+    // Factor of alpha's contrast around one half: see texfold_residual_contrast.
+    alpha_gain: f32,
 }
 
 // A block of the residual plane.
@@ -200,7 +202,7 @@ fn texfold_residual_error(at: vec2<u32>, level: u32) -> vec4<f32> {
     // A coefficient without bits is 0.
     let luma_weights = texfold_residual_params.luma_weights * block.scale;
     let luma_scale = select(vec4<f32>(0.0), luma_weights, luma_rates > vec4<u32>(0u));
-    let chroma_weights = texfold_residual_params.chroma_weights.xyz * block.scale;
+    let chroma_weights = texfold_residual_params.chroma_weights * block.scale;
     let chroma_scale = select(vec3<f32>(0.0), chroma_weights, chroma_rates > vec3<u32>(0u));
     // All ones on the right and lower side of a cell, and of a quarter of it: there coefficients count negatively.
     let sides = vec2<u32>(0u) - ((at >> vec2<u32>(1u)) & vec2<u32>(1u));
@@ -281,6 +283,12 @@ fn texfold_residual_tap(
     return TexfoldTap(low, min(low + vec2<u32>(1u), high_end), place - vec2<f32>(vec2<i32>(low)));
 }
 
+// A texel with the contrast of its alpha raised `gain` times around one half.
+fn texfold_residual_contrast(texel: vec4<f32>, gain: f32) -> vec4<f32> {
+    let alpha = clamp(texel.w * gain - 0.5 * (gain - 1.0), 0.0, 1.0);
+    return select(texel, vec4<f32>(texel.xyz, alpha), gain > 1.0);
+}
+
 // Four texels of the base around the texel at `at` of level `level` of the image, or beyond a border, blended.
 fn texfold_residual_base(at: vec2<i32>, level: u32) -> vec4<f32> {
     let stored = min(level, texfold_residual_params.base_levels - 1u);
@@ -296,7 +304,8 @@ fn texfold_residual_base(at: vec2<i32>, level: u32) -> vec4<f32> {
         }
     }
     // No base holds normals.
-    return texfold_swizzle_colour(a, b, texfold_residual_params.swizzle);
+    let texel = texfold_swizzle_colour(a, b, texfold_residual_params.swizzle);
+    return texfold_residual_contrast(texel, texfold_residual_params.alpha_gain);
 }
 
 // The texel at `at` of level `level`, which lies inside, or up to a texel beyond a border: there the base alone.

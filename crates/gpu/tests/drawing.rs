@@ -160,6 +160,7 @@ fn times_are_measured_for_all_three_shaders() {
         reduce_log2: 2,
         shrink_log2: 0,
         beyond: false,
+        alpha_gain_log2: 0,
         class_bits: 16,
         books: None,
     };

@@ -488,3 +488,27 @@ fn a_collar_costs_few_bits_and_alpha_is_as_good_as_colours() {
     let plain = ImageSet::single(texfold_testkit::image("terrain").with_channels(4));
     assert!(encode(&plain, &fast(Goal::Psnr(27.0))).reduce_log2() > 1);
 }
+
+/// A disc of alpha 1, its border as wide as said, on an image of one colour.
+fn disc(border: f32) -> ImageSet {
+    let texel = |i: u32| {
+        let (x, y) = ((i % 128) as f32 - 63.5, (i / 128) as f32 - 63.5);
+        Texel::new(0.4, 0.5, 0.6, ((40.0 - x.hypot(y)) / border + 0.5).clamp(0.0, 1.0))
+    };
+    let info = texfold_testkit::image("terrain").with_channels(4).info();
+    let texels: Vec<Texel> = (0..128 * 128).map(texel).collect();
+    let raster = Raster::from_texels(128, 128, info, &texels).unwrap();
+    ImageSet::single(raster.tagged(info.color, Alpha::Straight))
+}
+
+#[test]
+fn contrast_of_alpha_is_raised_where_outlines_are_sharp() {
+    let params = fast(Goal::Bpp(3.0)).with_reduce_log2(2);
+    for (border, raised, least) in [(0.1, true, 29.0), (1.0, true, 32.0), (40.0, false, 44.0)] {
+        let set = disc(border);
+        let texture = encode(&set, &params);
+        assert_eq!(texture.content().form().alpha_gain_log2 > 0, raised, "border of {border}");
+        let found = alpha_error(&set.images()[0], &decode_image(&texture, 0, 0).unwrap()).unwrap().psnr();
+        assert!(found > least, "border of {border}: alpha has {found} dB");
+    }
+}

@@ -23,6 +23,9 @@ use crate::rates::{RateModel, Rates};
 pub const MAX_REDUCE_LOG2: u32 = 3;
 /// Most levels that are not stored but upsampled from the finest stored one.
 pub const MAX_SHRINK_LOG2: u32 = 2;
+/// Most that the contrast of alpha is raised by, as a binary logarithm.
+#[cfg(feature = "encode")]
+pub(crate) const MAX_ALPHA_GAIN_LOG2: u32 = 3;
 /// Texels of level 0 of a padded base beyond the borders of its image: a 4x4 block of it, so that the same blocks cover
 /// the same place in an image and in the one beside it.
 pub const PADDING: u32 = 4;
@@ -43,19 +46,27 @@ pub struct BaseForm {
     pub isolated: bool,
     /// Whether it has [`PADDING`] texels beyond each border, so that neighbouring images decode to the same there.
     pub padded: bool,
+    /// Log2 factor, 0 to 3, of alpha's contrast around one half, behind the filter: a small base then holds sharp outlines.
+    pub alpha_gain_log2: u32,
 }
 
 impl BaseForm {
     /// A base that is neither isolated nor padded, of images whose levels are all stored.
     #[must_use]
     pub fn new(content: Content, reduce_log2: u32) -> Self {
-        BaseForm { content, reduce_log2, shrink_log2: 0, isolated: false, padded: false }
+        BaseForm { content, reduce_log2, shrink_log2: 0, isolated: false, padded: false, alpha_gain_log2: 0 }
     }
 
     /// Base texels of level 0 beyond each border.
     #[must_use]
     pub fn padding(&self) -> u32 {
         if self.padded { PADDING } else { 0 }
+    }
+
+    /// Factor of alpha's contrast.
+    #[must_use]
+    pub fn alpha_gain(&self) -> f32 {
+        (1u32 << self.alpha_gain_log2) as f32
     }
 
     /// Levels of the base of an image with `levels` stored ones: down to 1x1, which any further level reads.
@@ -353,6 +364,7 @@ impl ResidualContent {
             level_start,
             classes: self.model.classes.map(Rates::packed),
             weights: self.model.scales(),
+            alpha_gain: form.alpha_gain(),
         }
     }
 }

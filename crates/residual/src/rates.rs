@@ -65,12 +65,8 @@ impl RateModel {
 
     /// The weights as the shader reads them.
     #[must_use]
-    pub fn scales(&self) -> [f32; 8] {
-        let mut scales = [0.0; 8];
-        for (scale, weight) in scales.iter_mut().zip(self.weights) {
-            *scale = f32::from(weight) / WEIGHT_ONE;
-        }
-        scales
+    pub fn scales(&self) -> [f32; SUBBANDS] {
+        self.weights.map(|weight| f32::from(weight) / WEIGHT_ONE)
     }
 
     /// Whether blocks of that class may stand in a plane.

@@ -25,6 +25,8 @@ use crate::rates::{RATE_CLASSES, RateModel, Rates};
 const ISOLATED_FLAG: u8 = 16;
 /// Flag of a padded base.
 const PADDED_FLAG: u8 = 32;
+/// Where the binary logarithm of alpha's contrast stands, in two bits.
+const GAIN_SHIFT: u8 = 6;
 /// Bits of the base's log2 downscale, and behind them of the number of levels that are not stored.
 const LOG2_BITS: u8 = 2;
 /// Most bits of a block of class 1.
@@ -65,7 +67,8 @@ impl ResidualContent {
             form.reduce_log2 as u8
                 | (form.shrink_log2 as u8) << LOG2_BITS
                 | if form.isolated { ISOLATED_FLAG } else { 0 }
-                | if form.padded { PADDED_FLAG } else { 0 },
+                | if form.padded { PADDED_FLAG } else { 0 }
+                | (form.alpha_gain_log2 as u8) << GAIN_SHIFT,
             (model.class_bits / 16) as u8 | if turned { TURNED << CODING_SHIFT } else { 0 },
         ];
         raw.extend(model.weights.iter().flat_map(|weight| weight.to_le_bytes()));
@@ -186,7 +189,7 @@ fn read_form(full: &ImageLayout, reader: &mut Reader<'_>) -> Result<BaseForm, Lo
     }
     let flags = reader.u8()?;
     let (isolated, padded) = (flags & ISOLATED_FLAG != 0, flags & PADDED_FLAG != 0);
-    let shrink_log2 = u32::from((flags & !ISOLATED_FLAG & !PADDED_FLAG) >> LOG2_BITS);
+    let shrink_log2 = u32::from(flags >> LOG2_BITS & ((1 << LOG2_BITS) - 1));
     let reduce_log2 = u32::from(flags & ((1 << LOG2_BITS) - 1));
     if !(1..=MAX_REDUCE_LOG2).contains(&reduce_log2) {
         return Err(reader.corrupt("a log2 downscale of the base outside 1..=3"));
@@ -194,10 +197,14 @@ fn read_form(full: &ImageLayout, reader: &mut Reader<'_>) -> Result<BaseForm, Lo
     if padded && isolated {
         return Err(reader.corrupt("a base that is padded and block-isolated"));
     }
+    let alpha_gain_log2 = u32::from(flags >> GAIN_SHIFT);
+    if alpha_gain_log2 > 0 && !full.pixel.has_extra() {
+        return Err(reader.corrupt("contrast of alpha in an image without"));
+    }
     if shrink_log2 > MAX_SHRINK_LOG2 || isolated && shrink_log2 > 0 {
         return Err(reader.corrupt("more than two levels not stored, or any beside a block-isolated base"));
     }
-    Ok(BaseForm { content, reduce_log2, shrink_log2, isolated, padded })
+    Ok(BaseForm { content, reduce_log2, shrink_log2, isolated, padded, alpha_gain_log2 })
 }
 
 fn read_model(reader: &mut Reader<'_>) -> Result<RateModel, LoadError> {

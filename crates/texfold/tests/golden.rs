@@ -209,6 +209,18 @@ fn a_residual_along_axes_of_its_own_decodes_as_ever() {
     assert_eq!((form[2] >> 4, form.len()), (1, 3 + 14 + 64 + 4));
 }
 
+/// A base whose alpha has its contrast raised. It was written by
+/// `texfold compress fixtures/images/cutout.png --codec progressive --effort fast --bpp 1.5 --mips --out .`, its images by
+/// `texfold decompress cutout.txf --out .` without and with `--lod 2`.
+#[test]
+fn alpha_of_raised_contrast_decodes_as_ever() {
+    assert_decodes("progressive_cutout", &["progressive_cutout.png".to_owned()]);
+    assert_level_decodes("progressive_cutout", 2, &["progressive_cutout-level2.png".to_owned()]);
+    let bytes = std::fs::read(golden("progressive_cutout.txf")).unwrap();
+    let file = Sections::parse(&bytes, &mut Budget::default()).unwrap();
+    assert_eq!(file.read(*b"RSF0", &mut Budget::default()).unwrap()[1] >> 6, 3);
+}
+
 /// DCT superblocks with mip levels of two stages, and what a prefix without the images' own superblocks shows; and
 /// blocks with alpha. They were written by `texfold compress fixtures/images/NAME.png --codec dct --bpp 2 --mips --out .` of
 /// `odd_37x61` and `cutout`, and their images by `texfold decompress NAME.txf --out .` without any, with `--lod LEVEL` and with

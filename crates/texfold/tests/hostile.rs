@@ -279,8 +279,8 @@ fn a_forged_model_is_refused_or_harmless() {
     let texture = small_texture("progressive layers");
     let bytes = texture.to_bytes();
     let open = |forged: &[u8]| open_with(forged, &LIMITS).and_then(AnyTexture::into_image);
-    // Content that there is not, halvings, bits of the first class, and bits of classes beyond what a file may have.
-    for (at, value) in [(0, 12), (1, 0), (1, 4), (2, 3), (2, 255), (17, 1), (21, 6), (24, 1)] {
+    // Content that there is not, halvings, contrast of alpha in an opaque image, bits of the first class, and bits of classes beyond what a file may have.
+    for (at, value) in [(0, 12), (1, 0), (1, 4), (1, 66), (2, 3), (2, 255), (17, 1), (21, 6), (24, 1)] {
         let forged = rewritten(&bytes, *b"RSF0", |raw| raw[at] = value).unwrap();
         assert!(matches!(open(&forged), Err(LoadError::Corrupt { .. })), "byte {at} is {value}");
     }

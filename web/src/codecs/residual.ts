@@ -89,6 +89,8 @@ interface BaseForm {
   shrinkLog2: number;
   isIsolated: boolean;
   padding: number;
+  /** Factor of alpha's contrast. */
+  alphaGain: number;
 }
 
 /** What all blocks share. */
@@ -109,12 +111,13 @@ function readForm(reader: Reader, layout: Layout): BaseForm {
   reader.check(fits(content, layout) && !isNormal, "content that cannot hold the channels");
   const flags = reader.u8();
   const isIsolated = (flags & ISOLATED_FLAG) !== 0, isPadded = (flags & PADDED_FLAG) !== 0;
-  const reduceLog2 = flags & 3, shrinkLog2 = (flags & ~ISOLATED_FLAG & ~PADDED_FLAG) >> 2;
+  const reduceLog2 = flags & 3, shrinkLog2 = (flags >> 2) & 3, alphaGainLog2 = flags >> 6;
   reader.check(reduceLog2 >= 1 && reduceLog2 <= MAX_REDUCE_LOG2, "a log2 downscale of the base outside 1..=3");
   reader.check(!isPadded || !isIsolated, "a base that is padded and block-isolated");
   const isStored = shrinkLog2 <= (isIsolated ? 0 : MAX_SHRINK_LOG2);
   reader.check(isStored, "more than two levels not stored, or any beside a block-isolated base");
-  return { content, reduceLog2, shrinkLog2, isIsolated, padding: isPadded ? PADDING : 0 };
+  reader.check(alphaGainLog2 === 0 || layout.channels % 2 === 0, "contrast of alpha in an image without");
+  return { content, reduceLog2, shrinkLog2, isIsolated, padding: isPadded ? PADDING : 0, alphaGain: 1 << alphaGainLog2 };
 }
 
 function readModel(reader: Reader): Model {
@@ -211,7 +214,7 @@ function readRest(file: Sections, id: string, layout: Layout, model: Model, budg
 export function readResidual(file: Sections, number: number, full: Layout, budget: Budget): Residual {
   const head = file.read(`RSF${number}`);
   const form = readForm(head, full), model = readModel(head);
-  const { reduceLog2, shrinkLog2, padding } = form;
+  const { reduceLog2, shrinkLog2, padding, alphaGain } = form;
   budget.take(full.images.length * IMAGE_BYTES);
   const images = full.images.map((size) => atLevel(size, shrinkLog2));
   const layout: Layout = { ...full, images, levels: Math.max(1, full.levels - shrinkLog2) };
@@ -232,7 +235,7 @@ export function readResidual(file: Sections, number: number, full: Layout, budge
       ...Array.from({ length: LEVELS }, (_, level) => (level < layout.levels ? levelBlocks(size, level, BLOCK_SIDE) : 0)),
       ...model.classes,
       ...model.weights.map((weight) => floatBits(weight / 1024)),
-      0,
+      floatBits(alphaGain),
     ];
     return { planes: [plane, ...base], uniforms };
   });

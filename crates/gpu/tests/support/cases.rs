@@ -230,8 +230,14 @@ fn epitome_cases() -> Vec<Case> {
     use Content::{Bc1, Bc5, Bc7, Raw};
     let bits = |x, y, gain_offset, matrix| [x, y, 2, gain_offset, matrix];
     let forge = Forge::default;
-    let coded =
-        Residual { content: Bc1, reduce_log2: 2, shrink_log2: 0, edge: Edge::Isolated, class_bits: 16 };
+    let coded = Residual {
+        content: Bc1,
+        reduce_log2: 2,
+        shrink_log2: 0,
+        edge: Edge::Isolated,
+        alpha_gain_log2: 0,
+        class_bits: 16,
+    };
     let wide = Residual { content: Bc7, reduce_log2: 1, edge: Edge::Repeated, class_bits: 32, ..coded };
     let cases = [
         ("1 channel, 2 bytes", Forge { channels: 1, block: 32, bits: bits(7, 6, 2, 1), ..forge() }),
@@ -316,11 +322,13 @@ fn epitome_block_case((source, mips): (&str, bool)) -> Case {
 
 fn progressive_case(base: Base) -> Case {
     let Base { sizes, channels, content, reduce_log2, shrink_log2, beyond, class_bits, books, .. } = base;
+    let gain = (1u32 << base.alpha_gain_log2) as f32;
     let name = format!(
         "progressive {sizes:?} {channels} channels {content:?} /{reduce_log2} of /{shrink_log2}, beyond {beyond}, \
-         {class_bits} bits, {books:?}"
+         {class_bits} bits, alpha by {gain}, {books:?}"
     );
-    let rounded = decoded(content) + SUMMED + TAPPED;
+    // Contrast raises errors with it.
+    let rounded = gain * (decoded(content) + SUMMED + TAPPED);
     let bounds =
         Bounds { nearest: rounded + if shrink_log2 > 0 { BLENDED } else { 0.0 }, blended: rounded + BLENDED };
     Case { name, subject: Subject::new(progressive(&base)), bounds, coarse: bounds, normals: Normals::No }
@@ -337,6 +345,7 @@ fn progressive_cases() -> Vec<Case> {
         reduce_log2,
         shrink_log2: 0,
         beyond: false,
+        alpha_gain_log2: 0,
         class_bits,
         books: None,
     };
@@ -348,6 +357,8 @@ fn progressive_cases() -> Vec<Case> {
         base(1, Bc4, 2, 16),
         base(2, Bc5, 1, 16),
         base(4, Bc7, 1, 16),
+        Base { alpha_gain_log2: 3, ..base(4, Bc7, 1, 16) },
+        Base { alpha_gain_log2: 1, shrink_log2: 1, ..base(2, Bc5, 2, 0) },
         Base { books: Some((3, 5, Raw)), ..base(3, Bc7, 3, 0) },
         Base { books: Some((4, 4, Raw)), levels: 5, ..base(3, Bc7, 2, 16) },
         Base { books: Some((4, 3, Bc4)), ..base(1, Bc4, 2, 0) },
@@ -436,6 +447,7 @@ pub(crate) fn wide_cases() -> Vec<Case> {
         reduce_log2: 1,
         shrink_log2: 0,
         beyond: false,
+        alpha_gain_log2: 0,
         class_bits: 16,
         books: Some((3, 5, Content::Raw)),
     };

@@ -22,6 +22,8 @@ pub(crate) struct Base {
     pub(crate) shrink_log2: u32,
     /// Whether the base goes on beyond the borders.
     pub(crate) beyond: bool,
+    /// Log2 factor of alpha's contrast.
+    pub(crate) alpha_gain_log2: u32,
     /// Bits of a block of class 1; 0 for no residual plane.
     pub(crate) class_bits: u32,
     /// Codebooks and a map, where there are any: binary logarithm of a block's side, bits of a rotation, and content of a public
@@ -77,8 +79,7 @@ fn store_books(
 
 /// The texture of that kind.
 pub(crate) fn progressive(base: &Base) -> ProgressiveTexture {
-    let Base { sizes, levels, channels, content, reduce_log2, shrink_log2, beyond, class_bits, books } =
-        *base;
+    let Base { sizes, levels, channels, content, reduce_log2, shrink_log2, class_bits, .. } = *base;
     let mut rng = Rng::new(u64::from(channels) + 10 * u64::from(class_bits + reduce_log2));
     let alpha = if matches!(channels, 2 | 4) { Alpha::Straight } else { Alpha::Opaque };
     let pixel = PixelInfo { channels, depth: Depth::Eight, color: ColorSpace::Srgb, alpha };
@@ -93,11 +94,12 @@ pub(crate) fn progressive(base: &Base) -> ProgressiveTexture {
         content,
         reduce_log2,
         shrink_log2,
-        edge: if beyond { Edge::Padded } else { Edge::Repeated },
+        edge: if base.beyond { Edge::Padded } else { Edge::Repeated },
+        alpha_gain_log2: base.alpha_gain_log2,
         class_bits,
     };
     residual.store(&images, levels, pixel, &mut rng, &mut out);
-    let public = books.map(|books| store_books(books, &images, levels, &mut rng, &mut out));
+    let public = base.books.map(|books| store_books(books, &images, levels, &mut rng, &mut out));
     let bytes = out.finish().bytes;
     let mut budget = Budget::default();
     let file = Sections::parse(&bytes, &mut budget).unwrap();

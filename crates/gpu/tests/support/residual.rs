@@ -27,6 +27,8 @@ pub(crate) struct Residual {
     /// Levels that are not stored.
     pub(crate) shrink_log2: u32,
     pub(crate) edge: Edge,
+    /// Log2 factor of alpha's contrast.
+    pub(crate) alpha_gain_log2: u32,
     /// Bits of a block of class 1; 0 for no residual plane, 32 also for luma and chroma that are turned.
     pub(crate) class_bits: u32,
 }
@@ -54,7 +56,7 @@ impl Residual {
         };
         let mut form = vec![
             self.content.number(),
-            (self.reduce_log2 | self.shrink_log2 << 2) as u8 | flags,
+            (self.reduce_log2 | self.shrink_log2 << 2 | self.alpha_gain_log2 << 6) as u8 | flags,
             (self.class_bits / 16) as u8 | if self.is_turned() { 16 } else { 0 },
         ];
         form.extend([300u16, 250, 180, 120, 200, 90, 70].into_iter().flat_map(u16::to_le_bytes));

@@ -2,19 +2,14 @@
 //!
 //! Below a bit per texel most bits of a residual plane say which blocks have none. An image of half the size at four times the bits
 //! has the same memory, and what enlarging loses is then less than what the bits buy. The smaller image is the one whose
-//! enlargement is nearest to the image, not its mean texel by texel, but where it is a mip level too: found by simultaneous iterative reconstruction (Gilbert,
-//! "Iterative methods for the three-dimensional reconstruction of an object from projections", 1972). Cost: a dozen passes over the image.
-
-use std::ops::Range;
+//! enlargement is nearest to the image (see [`Enlargement`]), not its mean texel by texel, but where it is a mip level too. Cost: a dozen passes over the image.
 
 use glam::{UVec2, Vec2};
-use rayon::prelude::*;
 use texfold_core::address::TexfoldTap;
 use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain_cancellable};
-use texfold_core::sample::texfold_bilinear;
-use texfold_core::{CancelCheck, Effort, EncodeError, Goal, ImageLayout, ImageSize, Metric, Texel};
+use texfold_core::{CancelCheck, Effort, EncodeError, Goal, ImageLayout, ImageSize, Metric};
 
-use texfold_residual::encode::{PaddedRaster, least_share};
+use texfold_residual::encode::{Enlargement, PaddedRaster, least_share};
 use texfold_residual::{APRON, MAX_SHRINK_LOG2, stored_layout};
 
 use crate::ProgressiveParams;
@@ -143,7 +138,19 @@ fn taps((count, more): (u32, u32), (small, beyond): (u32, u32)) -> Vec<TexfoldTa
     (0..count + 2 * more).map(tap).collect()
 }
 
-/// The smaller image whose enlargement is nearest to `image`, as far as so many passes come, and that enlargement's squared error in
+/// How a smaller image of `width` x `height` texels and `beyond` more on each side is enlarged to one of `inner` texels and `padding` more.
+fn enlargement((inner, padding): (ImageSize, u32), (width, height): (u32, u32), beyond: u32) -> Enlargement {
+    let counted = |count: u32| padding as usize..(padding + count) as usize;
+    Enlargement {
+        small: ImageSize { width: width + 2 * beyond, height: height + 2 * beyond },
+        columns: taps((inner.width, padding), (width, beyond)),
+        rows: taps((inner.height, padding), (height, beyond)),
+        counted: [counted(inner.width), counted(inner.height)],
+        gain: 1.0,
+    }
+}
+
+/// The smaller image whose enlargement is nearest to `image`, as far as so many passes come, and that enlargement's squared error of colours in
 /// units of the range: of the image, not of what surrounds it.
 fn fitted(
     image: &PaddedRaster,
@@ -153,78 +160,26 @@ fn fitted(
 ) -> Result<(PaddedRaster, f64), EncodeError> {
     let (inner, beyond) = (image.inner(), image.padding >> shrink_log2);
     let ImageSize { width, height } = inner.at_level(shrink_log2);
-    let size = ImageSize { width: width + 2 * beyond, height: height + 2 * beyond };
-    let columns = taps((inner.width, image.padding), (width, beyond));
-    let rows = taps((inner.height, image.padding), (height, beyond));
-    let (width, height) = (size.width as usize, size.height as usize);
-    let wanted: Vec<Texel> = image.raster.texels().collect();
+    let enlargement = enlargement((inner, image.padding), (width, height), beyond);
+    let size = enlargement.small;
     let mut small = image.reduced(&image.raster, size, f64::from(beyond));
-    // How much of the upsampled image a column and a row contribute to.
-    let share = |taps: &[TexfoldTap], count: usize| {
-        let mut shares = vec![0.0f32; count];
-        for tap in taps {
-            shares[tap.low.x as usize] += 1.0 - tap.weight.x;
-            shares[tap.high.x as usize] += tap.weight.x;
-        }
-        shares
-    };
-    let (across, down) = (share(&columns, width), share(&rows, height));
-    let counted = image.padding as usize..(image.padding + inner.width) as usize;
     let mut squared = 0.0;
-    for pass in 0..=passes {
-        check.checkpoint()?;
-        // The residuals of each row, gathered in the columns of the smaller image.
-        let lines: Vec<(Vec<Texel>, f64)> = rows
-            .par_iter()
-            .zip(wanted.par_chunks(columns.len()))
-            .map(|(tap, line)| row_residual(&small, width, (tap, &columns, counted.clone()), line))
-            .collect();
-        squared = lines[image.padding as usize..][..inner.height as usize].iter().map(|(_, sum)| sum).sum();
-        if pass == passes {
-            break;
-        }
-        let mut sums = vec![Texel::ZERO; width * height];
-        for (tap, (line, _)) in rows.iter().zip(&lines) {
-            for (row, weight) in [(tap.low.x, 1.0 - tap.weight.x), (tap.high.x, tap.weight.x)] {
-                let own = &mut sums[row as usize * width..][..width];
-                own.iter_mut().zip(line).for_each(|(sum, &residual)| *sum += residual * weight);
-            }
-        }
-        for (index, (texel, sum)) in small.iter_mut().zip(sums).enumerate() {
-            let weight = (across[index % width] * down[index / width]).max(f32::MIN_POSITIVE);
-            *texel = (*texel + sum / weight).clamp(Texel::ZERO, Texel::ONE);
-        }
+    for channel in 0..3 {
+        let wanted: Vec<f32> = image.raster.texels().map(|texel| texel[channel]).collect();
+        let mut values: Vec<f32> = small.iter().map(|texel| texel[channel]).collect();
+        enlargement.fit(&mut values, &wanted, passes, check)?;
+        squared += enlargement.squared(&values, &wanted);
+        small.iter_mut().zip(values).for_each(|(texel, value)| texel[channel] = value);
     }
     // As many texels as the size says.
     let raster = Raster::from_texels(size.width, size.height, image.raster.info(), &small);
-    Ok((PaddedRaster { raster: raster.unwrap_or_else(|_| image.raster.clone()), padding: beyond }, squared))
-}
-
-/// What a row of the image has beyond the enlarged one, in the columns that contribute to it, and the squares of those that count.
-fn row_residual(
-    small: &[Texel],
-    width: usize,
-    (row, columns, counted): (&TexfoldTap, &[TexfoldTap], Range<usize>),
-    line: &[Texel],
-) -> (Vec<Texel>, f64) {
-    let mut sums = vec![Texel::ZERO; width];
-    let mut squared = 0.0;
-    let at = |x: u32, y: u32| small[y as usize * width + x as usize];
-    for (column, (tap, &wanted)) in columns.iter().zip(line).enumerate() {
-        let (left, right) = (tap.low.x, tap.high.x);
-        let four = [at(left, row.low.x), at(right, row.low.x), at(left, row.high.x), at(right, row.high.x)];
-        let away = wanted - texfold_bilinear(four, Vec2::new(tap.weight.x, row.weight.x));
-        sums[left as usize] += away * (1.0 - tap.weight.x);
-        sums[right as usize] += away * tap.weight.x;
-        if counted.contains(&column) {
-            squared += f64::from(away.truncate().length_squared());
-        }
-    }
-    (sums, squared)
+    let raster = raster.unwrap_or_else(|_| image.raster.clone());
+    Ok((PaddedRaster { raster, padding: beyond }, squared))
 }
 
 #[cfg(test)]
 mod tests {
+    use texfold_core::Texel;
     use texfold_core::address::{TEXFOLD_CLAMP, texfold_tap};
     use texfold_core::image::{Alpha, ColorSpace, MipFilter, mip_chain};
 
@@ -234,25 +189,17 @@ mod tests {
     fn the_fit_is_nearer_than_means_and_nearly_the_nearest() {
         let image = texfold_testkit::image("terrain");
         let means = mip_chain(&image.clone().tagged(ColorSpace::Linear, Alpha::Opaque), 2, MipFilter::Box);
-        let columns = taps((256, 0), (128, 0));
-        let texels: Vec<Texel> = means[1].texels().collect();
-        let wanted: Vec<Texel> = image.texels().collect();
-        let row = |y: usize| {
-            row_residual(&texels, 128, (&columns[y], &columns, 0..256), &wanted[256 * y..][..256]).1
-        };
-        let of_means: f64 = (0..256).map(row).sum();
-        let (small, squared) =
-            fitted(&PaddedRaster::alone(image), 1, PASSES, CancelCheck::default()).unwrap();
-        assert!(small.raster.size().width == 128 && squared < 0.9 * of_means, "{squared} {of_means}");
+        let enlargement = enlargement((image.size(), 0), (128, 128), 0);
+        let red = |image: &Raster| -> Vec<f32> { image.texels().map(|texel| texel.x).collect() };
+        let wanted = red(&image);
+        let of_means = enlargement.squared(&red(&means[1]), &wanted);
+        let (small, _) = fitted(&PaddedRaster::alone(image), 1, PASSES, CancelCheck::default()).unwrap();
+        let found = red(&small.raster);
+        let left = enlargement.squared(&found, &wanted);
+        assert!(small.raster.size().width == 128 && left < 0.9 * of_means, "{left} {of_means}");
         // What is left has nothing in common with what a smaller image could hold.
-        let texels: Vec<Texel> = small.raster.texels().collect();
-        let (mut common, mut left) = (0.0, 0.0);
-        for y in (0..256).step_by(2) {
-            let (sums, squared) =
-                row_residual(&texels, 128, (&columns[y], &columns, 0..256), &wanted[256 * y..][..256]);
-            common += sums.iter().map(|sum| f64::from(sum.truncate().length_squared())).sum::<f64>();
-            left += squared;
-        }
+        let common = enlargement.gathered(&enlargement.residuals(&found, &wanted));
+        let common: f64 = common.iter().map(|&sum| f64::from(sum).powi(2)).sum();
         assert!(common < left, "{common} {left}");
     }
 

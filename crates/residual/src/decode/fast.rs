@@ -13,7 +13,7 @@ use super::{BLOCK_CELLS, SUBBANDS};
 use super::{
     HASH_FACTOR, HASH_OFFSET, ResidualView, TEXFOLD_RESIDUAL_STATE_BITS, TexfoldResidualBlock, padding_of,
     rgb_of, texfold_residual_axes, texfold_residual_behind, texfold_residual_block, texfold_residual_chunk,
-    texfold_residual_tap, texfold_residual_turned,
+    texfold_residual_contrast, texfold_residual_tap, texfold_residual_turned,
 };
 use crate::plane::BLOCK_SIDE;
 
@@ -55,7 +55,8 @@ pub(crate) fn fill_base(view: &ResidualView<'_>, region: Rect, out: &mut [Texel]
         for (texel, tap) in line.iter_mut().zip(&columns) {
             let (left, right) = (tap.low.x as usize, tap.high.x as usize);
             let four = [upper[left], upper[right], lower[left], lower[right]];
-            *texel = texfold_bilinear(four, Vec2::new(tap.weight.x, rows.weight.y));
+            let read = texfold_bilinear(four, Vec2::new(tap.weight.x, rows.weight.y));
+            *texel = texfold_residual_contrast(read, params.alpha_gain);
         }
     }
 }

@@ -63,7 +63,9 @@ pub struct TexfoldResidualParams {
     /// For each rate class the bits of a coefficient of each subband, 4 bits each: see [`crate::Rates`].
     pub classes: [u32; 16],
     /// Weight of each subband.
-    pub weights: [f32; 8],
+    pub weights: [f32; SUBBANDS],
+    /// Factor of alpha's contrast around one half: see [`texfold_residual_contrast`].
+    pub alpha_gain: f32,
 }
 
 /// One image: what the shader has bound.
@@ -322,6 +324,13 @@ pub fn texfold_residual_tap(at: IVec2, full: UVec2, size: UVec2, block: u32, pad
     TexfoldTap { low, high: (low + 1).min(high_end), weight: place - low.as_vec2() }
 }
 
+/// A texel with the contrast of its alpha raised `gain` times around one half.
+#[must_use]
+#[inline]
+pub fn texfold_residual_contrast(texel: Texel, gain: f32) -> Texel {
+    if gain > 1.0 { texel.with_w((texel.w * gain - 0.5 * (gain - 1.0)).clamp(0.0, 1.0)) } else { texel }
+}
+
 /// Four texels of the base around the texel at `at` of level `level` of the image, or beyond a border, blended.
 #[must_use]
 #[inline]
@@ -334,7 +343,7 @@ pub fn texfold_residual_base(view: &ResidualView<'_>, at: IVec2, level: u32) -> 
     let texel = |x: u32, y: u32| texels[(y * size.x + x) as usize];
     let (low, high) = (tap.low, tap.high);
     let four = [texel(low.x, low.y), texel(high.x, low.y), texel(low.x, high.y), texel(high.x, high.y)];
-    texfold_bilinear(four, tap.weight)
+    texfold_residual_contrast(texfold_bilinear(four, tap.weight), view.params.alpha_gain)
 }
 
 /// The texel at `at` of level `level`, which lies inside, or up to a texel beyond a border: there the base alone.

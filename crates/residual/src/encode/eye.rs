@@ -56,16 +56,21 @@ pub fn counted_error_of(
     for (index, image) in (0..).zip(source.images()) {
         check.checkpoint()?;
         let decoded = decode_image(texture, index, 0).ok_or(SourceError::Empty)?;
-        // Colours that alpha hides don't count, as in the PSNR.
-        let hides_colors = image.info().hides_colors();
-        let shown = |(source, decoded): (Texel, Texel)| {
-            let is_hidden = hides_colors && to_u8(source.w) == 0;
-            if is_hidden { source.truncate().extend(decoded.w) } else { decoded }
-        };
-        let decoded: Vec<Texel> = image.texels().zip(decoded.texels()).map(shown).collect();
+        let mut decoded: Vec<Texel> = decoded.texels().collect();
+        forgive_hidden(image, &mut decoded);
         sum += counted_error(image, &decoded, metric);
     }
     Ok(sum)
+}
+
+/// Gives decoded texels the colours of the image where alpha hides them: errors there don't count, as in the PSNR.
+pub(super) fn forgive_hidden(image: &Raster, decoded: &mut [Texel]) {
+    if !image.info().hides_colors() {
+        return;
+    }
+    for (source, decoded) in image.texels().zip(decoded).filter(|(source, _)| to_u8(source.w) == 0) {
+        *decoded = source.with_w(decoded.w);
+    }
 }
 
 /// Measurements of a texture, by which it is compared with others.

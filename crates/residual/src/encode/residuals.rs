@@ -8,7 +8,7 @@ use texfold_core::{CancelCheck, Effort, EncodeError, Metric, Texel};
 
 use super::axes::{suited, turn};
 use super::coder::Coder;
-use super::eye::{factors, importance, scale};
+use super::eye::{factors, forgive_hidden, importance, scale};
 use super::transform::{ResidualBlock, blocks};
 use crate::axes::Axes;
 use crate::plane::{BLOCK_SIDE, ResidualPlane, plane_words};
@@ -58,7 +58,8 @@ impl Residuals {
         counted: bool,
         check: CancelCheck<'_>,
     ) -> Result<Vec<Texel>, EncodeError> {
-        let decoded = decode_strips(source.size(), decode, check)?;
+        let mut decoded = decode_strips(source.size(), decode, check)?;
+        forgive_hidden(source, &mut decoded);
         let found = blocks(source, &decoded);
         self.counted.resize(self.counted.len() + found.len(), counted);
         if let Some(count) = self.counts.last_mut() {

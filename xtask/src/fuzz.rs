@@ -24,7 +24,7 @@ enum Seeds {
 const TARGETS: [(&str, Seeds); 4] =
     [("open", Seeds::Golden), ("blocks", Seeds::None), ("sections", Seeds::None), ("inputs", Seeds::Inputs)];
 /// Inputs that are texts, each with the number of its kind: `texfold_cli::FOREIGN`.
-const TEXTS: [(u8, &str); 7] = [
+const TEXTS: [(u8, &str); 9] = [
     (
         3,
         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float u\nproperty float v\n\
@@ -39,6 +39,12 @@ const TEXTS: [(u8, &str); 7] = [
     // No image, and no camera.
     (9, "\x08\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0"),
     (10, "1\na.png 5 0 4 0 5 3 0 0 1 1 0 0 0 1 0 0 0 1 0 0 2\n"),
+    (
+        11,
+        r#"<document version="1.5.0"><chunk><sensors><sensor id="0"><calibration><resolution width="8" height="6"/><f>5</f></calibration></sensor></sensors><cameras><camera id="0" sensor_id="0" label="a"><transform>1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</transform></camera></cameras></chunk></document>"#,
+    ),
+    // No platform, and no image.
+    (12, "MVSI\x07\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0"),
     (8, r#"{"version":1,"next":0,"categories":[],"images":[]}"#),
 ];
 /// Coverage for libFuzzer, and what debug builds check.

@@ -135,6 +135,7 @@ const ALLOWED: [Allowed; 25] = [
             "texfold-progressive",
             "texfold-shaders",
             "tiff",
+            "roxmltree",
             "tiny_http",
             "tobj",
             "toml",

@@ -172,7 +172,7 @@ pub(crate) enum CliError {
     Outside { path: PathBuf, file: PathBuf },
     #[error("{}: {width}x{height} pixels where its camera has {}x{}; scale the image or correct the cameras", path.display(), wanted.0, wanted.1)]
     ImageSize { path: PathBuf, width: u32, height: u32, wanted: (u32, u32) },
-    #[error("{}: is not a capture; give codec lightfield a folder with transforms.json (or a model of COLMAP, images.txt and cameras.txt or .bin, or Middlebury's _par.txt), images and mesh.obj, .ply, .glb or .gltf", path.display())]
+    #[error("{}: is not a capture; give codec lightfield a folder with transforms.json (or a model of COLMAP, images.txt and cameras.txt or .bin, OpenMVS's .mvs, Metashape's .xml, or Middlebury's _par.txt), images and mesh.obj, .ply, .glb or .gltf", path.display())]
     NotCapture { path: PathBuf },
     #[error("{}: has no photographs to hold back; give a capture of {needed} and more, or transforms_test.json", path.display())]
     FewViews { path: PathBuf, needed: usize },

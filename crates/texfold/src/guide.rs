@@ -111,7 +111,8 @@
 //! # Capture a light field
 //!
 //! A light field is a mesh and photographs of it with their cameras: a folder with `transforms.json` (as NeRF tools
-//! write it) or a model of COLMAP (`images.txt` and `cameras.txt`, or `.bin`, there or in `sparse/0`) or Middlebury's `*_par.txt`, the images, and `mesh.obj`, `mesh.ply` or `mesh.glb` in the cameras' space.
+//! write it) or a model of COLMAP (`images.txt` and `cameras.txt`, or `.bin`, there or in `sparse/0`), a scene of OpenMVS (`scene.mvs`), cameras that Metashape exported (any `.xml`) or
+//! Middlebury's `*_par.txt`, the images, and `mesh.obj`, `mesh.ply`, `mesh.glb` or the mesh of COLMAP or OpenMVS in the cameras' space.
 //! Lenses with k1, k2, k3, p1 and p2 are undistorted; fisheye lenses are refused. Pixels with alpha 0 do not show the object:
 //! mask what the mesh does not cover. From photographs to a capture with COLMAP:
 //!
@@ -121,7 +122,7 @@
 //! ```
 //!
 //! COLMAP's mesh lies in the space of COLMAP's cameras; a `transforms.json` that nerfstudio made of them is turned and scaled
-//! (`applied_transform`), and needs a mesh that is, too. Then:
+//! (`applied_transform`), and needs a mesh that is, too. From Metashape, export cameras and model in local coordinates. Then:
 //!
 //! ```sh
 //! texfold compress captures/statue --out packed --psnr 32

@@ -1,6 +1,6 @@
 //! Captures: `transforms.json` (the convention of NeRF and nerfstudio: intrinsics in pixels, matrices from camera to
-//! world with OpenGL axes), COLMAP's models or Middlebury's `*_par.txt`, the images that these name, and `mesh.obj`, `.ply`, `.glb` or `.gltf` or COLMAP's `meshed-poisson.ply` in the
-//! cameras' space. Photographs of lenses that distort are undistorted.
+//! world with OpenGL axes), COLMAP's models, OpenMVS's scenes, Metashape's XML or Middlebury's `*_par.txt`, the images that these name, and `mesh.obj`, `.ply`, `.glb` or `.gltf` or the
+//! mesh of COLMAP or OpenMVS in the cameras' space. Photographs of lenses that distort are undistorted.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use texfold::{
 };
 
 use super::lens::{Distortion, Lens};
-use super::{colmap, middlebury, pixels, shape};
+use super::{colmap, metashape, middlebury, openmvs, pixels, shape};
 use crate::error::CliError;
 use crate::files;
 use crate::memory;
@@ -23,9 +23,19 @@ use crate::memory;
 const CAMERAS_NAME: &str = "transforms.json";
 /// Cameras of photographs that are kept for tests, as NeRF's captures have them.
 const TEST_NAME: &str = "transforms_test.json";
-/// Names of meshes, in the order in which they are looked for; the last two are COLMAP's.
-const MESH_NAMES: [&str; 6] =
-    ["mesh.obj", "mesh.ply", "mesh.glb", "mesh.gltf", "meshed-poisson.ply", "meshed-delaunay.ply"];
+/// Names of meshes, in the order in which they are looked for; the last ones are COLMAP's and OpenMVS's.
+const MESH_NAMES: [&str; 10] = [
+    "mesh.obj",
+    "mesh.ply",
+    "mesh.glb",
+    "mesh.gltf",
+    "meshed-poisson.ply",
+    "meshed-delaunay.ply",
+    "scene_dense_mesh_refine.ply",
+    "scene_dense_mesh.ply",
+    "scene_mesh_refine.ply",
+    "scene_mesh.ply",
+];
 
 #[derive(Debug, Deserialize)]
 struct Frame {
@@ -52,13 +62,17 @@ pub(crate) struct Shot {
     to_world: Mat4,
 }
 
-/// Reads a file of cameras: Middlebury's where its name ends in `_par.txt`, COLMAP's where it ends in `.txt` or `.bin`, else
-/// `transforms.json`.
+/// Reads a file of cameras: Middlebury's where its name ends in `_par.txt`, COLMAP's where it ends in `.txt` or `.bin`, OpenMVS's in `.mvs`,
+/// Metashape's in `.xml`, else `transforms.json`.
 pub(crate) fn read_cameras(path: &Path) -> Result<Vec<Shot>, CliError> {
     let ends_in =
         |extension: &str| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension));
     let shots = if middlebury::is_table(path) {
         middlebury::read(path)
+    } else if openmvs::is_scene(path) {
+        openmvs::read(path)
+    } else if metashape::is_cameras(path) {
+        metashape::read(path)
     } else if ends_in("txt") || ends_in("bin") {
         colmap::read(path)
     } else {
@@ -135,16 +149,17 @@ pub(crate) fn is_capture(dir: &Path) -> bool {
     camera_files(dir).iter().all(|file| file.exists())
 }
 
-/// The files of a capture's cameras, that of the poses first: `transforms.json`, else the model of COLMAP or the table of Middlebury that is
-/// there; `transforms.json` where there is none.
+/// The files of a capture's cameras, that of the poses first: `transforms.json`, else the model of COLMAP, the scene of OpenMVS, the file of
+/// Metashape or the table of Middlebury that is there; `transforms.json` where there is none.
 pub(crate) fn camera_files(dir: &Path) -> Vec<PathBuf> {
     let transforms = vec![dir.join(CAMERAS_NAME)];
     let models = colmap::FOLDERS.into_iter().flat_map(|folder| {
         let names = colmap::NAMES.into_iter();
         names.map(move |names| names.map(|name| dir.join(folder).join(name)).to_vec())
     });
-    let tables = middlebury::table(dir).map(|table| vec![table]);
-    let mut all = [transforms.clone()].into_iter().chain(models).chain(tables);
+    let finders = [openmvs::scene, metashape::cameras, middlebury::table];
+    let others = finders.into_iter().filter_map(|find| find(dir)).map(|file| vec![file]);
+    let mut all = [transforms.clone()].into_iter().chain(models).chain(others);
     all.find(|files| files.iter().all(|file| file.is_file())).unwrap_or(transforms)
 }
 

@@ -16,7 +16,7 @@ pub(super) const NAMES: [[&str; 2]; 2] = [["images.txt", "cameras.txt"], ["image
 /// Folders of a capture that models lie in: its own, and those that COLMAP makes.
 pub(super) const FOLDERS: [&str; 3] = ["", "sparse/0", "sparse"];
 /// The folder of images: beside the model, or in the folders above.
-const IMAGES: &str = "images";
+pub(super) const IMAGES: &str = "images";
 /// Folders above a model in which the images are looked for.
 const ABOVE: usize = 3;
 /// Models by their numbers in binary files, with the numbers of their parameters.
@@ -91,7 +91,7 @@ fn records<T>(
 }
 
 /// The next bytes.
-fn take<const COUNT: usize>(rest: &mut &[u8]) -> Option<[u8; COUNT]> {
+pub(super) fn take<const COUNT: usize>(rest: &mut &[u8]) -> Option<[u8; COUNT]> {
     let (found, behind) = rest.split_first_chunk()?;
     *rest = behind;
     Some(*found)

@@ -11,7 +11,7 @@ use crate::files;
 use crate::input::{Remarks, read_files};
 
 /// Names of files, one a kind of input. What an image is its bytes tell, but for TGA. A file of cameras by COLMAP is two files, with a zero between them; as binary the length of the first comes first.
-pub const FOREIGN: [&str; 11] = [
+pub const FOREIGN: [&str; 13] = [
     "image.png",
     "image.tga",
     "mesh.obj",
@@ -23,6 +23,8 @@ pub const FOREIGN: [&str; 11] = [
     "bank.json",
     "images.bin",
     "toy_par.txt",
+    "cameras.xml",
+    "scene.mvs",
 ];
 
 /// Reads a file of one of the names in [`FOREIGN`] with at most so many bytes; the fault that a user would see. A panic of a decoder becomes one, too.
@@ -71,7 +73,7 @@ fn read(path: &Path, limit_bytes: u64) -> Result<(), CliError> {
                 .map(|_| ())
                 .map_err(|what| texfold::bank::BankError::Manifest { path: path.to_owned(), what }.into())
         }
-        "json" => cameras(path),
+        "json" | "xml" | "mvs" => cameras(path),
         _ => stack::image_files(path.parent().unwrap_or(Path::new(""))).map(|_| ()),
     }
 }

@@ -14,7 +14,7 @@ use crate::files;
 /// End of the names of tables.
 const ENDING: &str = "_par.txt";
 /// Skew of pixels, over the focal length, that moves none.
-const LEAST_SKEW: f32 = 1e-5;
+pub(super) const LEAST_SKEW: f32 = 1e-5;
 
 /// Whether a file is such a table, by its name.
 pub(super) fn is_table(path: &Path) -> bool {

@@ -187,7 +187,7 @@ const ALLOWED: [Allowed; 25] = [
     Allowed {
         package: "python",
         numeric: false,
-        may: &["numpy", "pyo3", "rayon", "texfold", "texfold-shaders"],
+        may: &["glam", "numpy", "pyo3", "rayon", "texfold", "texfold-shaders"],
     },
     // As "window", of a workspace of its own.
     Allowed {

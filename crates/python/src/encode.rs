@@ -147,12 +147,12 @@ impl Options {
         }
         Ok(encoder)
     }
+}
 
-    /// Threads of its own, where their number is given.
-    fn pool(&self) -> PyResult<Option<ThreadPool>> {
-        let pool = |threads| ThreadPoolBuilder::new().num_threads(threads).build();
-        self.threads.map(pool).transpose().map_err(|error| PyRuntimeError::new_err(error.to_string()))
-    }
+/// Threads of its own, where their number is given.
+pub(crate) fn pool_of(threads: Option<usize>) -> PyResult<Option<ThreadPool>> {
+    let pool = |threads| ThreadPoolBuilder::new().num_threads(threads).build();
+    threads.map(pool).transpose().map_err(|error| PyRuntimeError::new_err(error.to_string()))
 }
 
 /// The file of a texture of images of three axes. `names` has the name of each map of a material, or none.
@@ -165,7 +165,18 @@ pub(crate) fn encode<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyBytes>> {
     let set = set_of(&images, &names, &options.color, &options.alpha)?;
-    let (encoder, pool) = (options.encoder(&set)?, options.pool()?);
+    let (encoder, pool) = (options.encoder(&set)?, pool_of(options.threads)?);
+    let encode = |job: &mut Job<'_>| encoder.run_in(job).map(|chosen| chosen.image.to_bytes());
+    run(py, pool.as_ref(), progress.as_ref(), encode)
+}
+
+/// The bytes that `encode` makes in a thread of its own, while this one passes on progress and looks for Ctrl-C.
+pub(crate) fn run<'py>(
+    py: Python<'py>,
+    pool: Option<&ThreadPool>,
+    progress: Option<&Py<PyAny>>,
+    encode: impl FnOnce(&mut Job<'_>) -> Result<Vec<u8>, EncodeError> + Send,
+) -> PyResult<Bound<'py, PyBytes>> {
     let cancel = Cancel::default();
     let (sender, stages) = channel();
     let encoded = thread::scope(|scope| {
@@ -175,13 +186,13 @@ pub(crate) fn encode<'py>(
                 let _ = sender.send(stage);
             };
             let mut job = Job::new(Limits::default()).with_progress(&mut report).with_cancel(&cancel);
-            if let Some(pool) = &pool {
+            if let Some(pool) = pool {
                 job = job.with_pool(pool);
             }
-            encoder.run_in(&mut job).map(|chosen| chosen.image.to_bytes())
+            encode(&mut job)
         };
         let worker = scope.spawn(work);
-        let interrupted = watch(py, stages, progress.as_ref()).err();
+        let interrupted = watch(py, stages, progress).err();
         if interrupted.is_some() {
             cancel.cancel();
         }

@@ -5,6 +5,7 @@ mod bank;
 mod encode;
 mod error;
 mod gpu;
+mod light;
 mod texture;
 mod writer;
 
@@ -17,6 +18,8 @@ mod _texfold {
     use super::encode::encode;
     #[pymodule_export]
     use super::gpu::Blocks;
+    #[pymodule_export]
+    use super::light::{LightField, encode_light, open_light};
     #[pymodule_export]
     use super::texture::{Texture, open, psnr, ssim};
     #[pymodule_export]

@@ -7,11 +7,12 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use texfold::core::image::{Depth, PixelInfo, Raster};
 use texfold::core::metric;
-use texfold::{AnyImage, ColorSpace, ImageAddress, Limits, Rect};
+use texfold::{AnyImage, ColorSpace, ImageAddress, Rect};
 
 use crate::encode::Pixels;
 use crate::error::{encode_error, load_error, region_error};
 use crate::gpu::Blocks;
+use crate::light::limits_of;
 
 /// A texture of one image, a set, or the maps of a material, read from a `.txf` file.
 #[pyclass(frozen, module = "texfold._texfold")]
@@ -25,12 +26,7 @@ pub(crate) fn open(
     max_texels: Option<u64>,
     max_bytes: Option<u64>,
 ) -> PyResult<Texture> {
-    let usual = Limits::default();
-    let limits = Limits {
-        texels: max_texels.unwrap_or(usual.texels),
-        bytes: max_bytes.unwrap_or(usual.bytes),
-        ..usual
-    };
+    let limits = limits_of(max_texels, max_bytes);
     let open = || texfold::open_with(&data, &limits).and_then(texfold::AnyTexture::into_image);
     py.detach(open).map(Texture).map_err(|error| load_error(&error))
 }

@@ -16,20 +16,20 @@ of any strides and byte order. Values are as stored: those of sRGB images stay s
 from __future__ import annotations
 
 import base64
-import builtins
 import operator
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Union
+from typing import Any, Union
 
 import numpy as np
 
 from . import _texfold
 from ._errors import BankError, EncodeError, LoadError, RegionError, TexfoldError
+from ._files import Part, bytes_of, part_bits
 
 __all__ = [
-    "Bank", "BankError", "BankWriter", "EncodeError", "LoadError", "Part", "RegionError", "TexfoldError", "Texture",
-    "decode", "encode", "open", "psnr", "ssim",
+    "Bank", "BankError", "BankWriter", "Camera", "EncodeError", "LightField", "LoadError", "Part", "RegionError",
+    "TexfoldError", "Texture", "decode", "encode", "encode_light", "open", "open_light", "psnr", "ssim",
 ]  # fmt: skip
 
 Images = Union[np.ndarray, Sequence[np.ndarray], Mapping[str, np.ndarray]]
@@ -48,7 +48,9 @@ def _pixels(array: Any, name: str = "image") -> np.ndarray:
     if array.ndim != 3:
         raise ValueError(f"{name} has {array.ndim} axes; give rows, columns and channels")
     if not 1 <= array.shape[2] <= 4:
-        raise ValueError(f"{name} has {array.shape[2]} channels; give 1 to 4, the last axis being channels")
+        raise ValueError(
+            f"{name} has {array.shape[2]} channels; give 1 to 4 as the last axis, or up to 64 bands as the maps of a dict"
+        )
     return np.ascontiguousarray(array, array.dtype.newbyteorder("="))
 
 
@@ -128,15 +130,6 @@ def encode(
     options = {"codec": codec, "goal": goal, "value": value, "effort": effort, "access": access, "metric": metric}
     options |= {"mips": bool(mips), "color": color, "alpha": alpha, "threads": threads}
     return _texfold.encode(arrays, names, options, progress)
-
-
-class Part(NamedTuple):
-    """Bits of a part of a texture."""
-
-    memory: int
-    """Bits in memory, compressed."""
-    disk: int
-    """Bits of the file."""
 
 
 class Texture:
@@ -234,7 +227,7 @@ class Texture:
 
     def ledger(self) -> dict[str, Part]:
         """Bits of each part, in memory and on disk; the latter add up to the file."""
-        return {name: Part(*bits) for name, bits in self._texture.ledger().items()}
+        return part_bits(self._texture.ledger())
 
     def check_whole(self) -> None:
         """Refuses what was opened from a prefix of a file.
@@ -361,10 +354,7 @@ def open(
     OSError
         A path that cannot be read.
     """
-    if not isinstance(file, (bytes, bytearray, memoryview)):
-        with builtins.open(file, "rb") as reader:
-            file = reader.read()
-    return Texture(_texfold.open(bytes(file), max_texels, max_bytes))
+    return Texture(_texfold.open(bytes_of(file), max_texels, max_bytes))
 
 
 def decode(data: bytes, **options: Any) -> np.ndarray:
@@ -410,4 +400,5 @@ def _number(value: int, name: str) -> int:
     return value
 
 
+from .light import Camera, LightField, encode_light, open_light  # noqa: E402
 from .writing import BankWriter  # noqa: E402

@@ -113,6 +113,11 @@ impl TileSums {
         Ok(TileSums(sums))
     }
 
+    /// What it is parsed from.
+    fn text(&self) -> String {
+        self.0.to_text()
+    }
+
     fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyAny>, (String,)) {
         (py.get_type::<TileSums>().into_any(), (self.0.to_text(),))
     }

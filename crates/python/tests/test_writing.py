@@ -3,6 +3,8 @@
 import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -10,6 +12,7 @@ import numpy as np
 import pytest
 import texfold
 
+dask = pytest.importorskip("dask")
 da = pytest.importorskip("dask.array")
 
 
@@ -82,6 +85,52 @@ def test_tiles_of_killed_workers_run_again(tmp_path):
             thread.join()
     assert killed, "no worker was killed"
     assert files(tmp_path / "one") == files(tmp_path / "cluster")
+
+
+ADD = """
+import sys
+import texfold
+sys.path.insert(0, sys.argv[2])
+from test_writing import add, land
+add(sys.argv[1], "land", land(3000, 2400), effort="normal")
+"""
+
+
+def test_what_a_killed_process_has_written_is_not_written_again(tmp_path, monkeypatch):
+    image = land(3000, 2400)
+    assert add(tmp_path / "one", "land", image, effort="normal")
+    folder = tmp_path / "killed"
+    process = subprocess.Popen([sys.executable, "-c", ADD, str(folder), os.path.dirname(__file__)])
+    while process.poll() is None and len(list(folder.glob(".texfold-job-*/*.sums"))) < 2:
+        time.sleep(0.01)
+    process.kill()
+    assert process.wait() == -signal.SIGKILL, "it was whole before it was killed"
+    done, whole = len(list(folder.glob(".texfold-job-*/*.sums"))), len(files(tmp_path / "one")) - 1
+    assert 2 <= done < whole and not (folder / "bank.json").exists()
+    # One of the files is cut short by hand, as no process leaves it.
+    next(folder.glob(".texfold-job-*/*.sums")).write_text("")
+    calls = []
+    encode = texfold.writing._texfold.tile_bytes
+    monkeypatch.setattr(texfold.writing._texfold, "tile_bytes", lambda *given: calls.append(1) or encode(*given))
+    monkeypatch.setattr(texfold.writing._texfold, "tile_step", None)
+    assert add(folder, "land", image, effort="normal")
+    assert len(calls) == whole - done + 1
+    assert files(folder) == files(tmp_path / "one")
+
+
+def test_another_image_of_the_name_takes_the_place_of_what_is_half_done(tmp_path):
+    image = land(2000, 300)
+
+    def fail(block):
+        if list(tmp_path.glob(".texfold-job-*/step.json")):
+            raise OSError("the store failed")
+        return block
+
+    broken = da.map_blocks(fail, da.from_array(image, chunks=(1000, 300, 3)), meta=np.zeros((0, 0, 0), np.uint8))
+    with dask.config.set(scheduler="synchronous"), pytest.raises(OSError, match="the store failed"):
+        add(tmp_path, "land", broken)
+    assert add(tmp_path, "land", image[::-1], key="2")
+    assert not list(tmp_path.glob(".texfold-job-*")) and texfold.psnr(texfold.Bank(tmp_path).read(), image[::-1]) > 33
 
 
 def test_the_same_again_is_no_work_and_another_is_refused_or_replaces_it(tmp_path):

@@ -13,15 +13,19 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import hashlib
+import json
 import os
 import secrets
+import shutil
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from . import _goal, _pixels, _texfold
+from ._errors import BankError, EncodeError
 
 #: Calls a function with each of several tuples of arguments, and gives what it returned, in their order.
 Run = Callable[[Callable[..., Any], Sequence[tuple]], list]
@@ -29,7 +33,8 @@ Run = Callable[[Callable[..., Any], Sequence[tuple]], list]
 
 class BankWriter:
     """A bank in a folder that images are added to, by block; it is begun where there is none. One process at a time has it: use it in
-    a ``with`` statement, or close it. An image is there whole or not at all, however the process ends.
+    a ``with`` statement, or close it. An image is there whole or not at all, however the process ends; added again, it goes on where that
+    ended.
 
     Raises
     ------
@@ -89,8 +94,9 @@ class BankWriter:
         georeference
             A TIFF file of one texel with GeoTIFF tags, as :meth:`Bank.georeference` gives it.
         key
-            Text that says what the image and the settings are; the same name and key again is no work. By default a hash of the values
-            and settings, of a Dask array of its name.
+            Text that says what the image and the settings are; the same name and key again is no work, or goes on where the process that
+            added it has ended (what is done lies in a folder ``.texfold-job-…`` of the bank until the image is whole). By default a hash of the
+            values and settings, of a Dask array of its name, which is to be the same in both processes.
         replace
             Whether it takes the place of an image of its name with another key.
 
@@ -116,21 +122,67 @@ class BankWriter:
         new = (name, key, category, base64.b64encode(georeference).decode(), bool(replace))
         if not self._writer.is_new(new):
             return False
-        arrays = [array for _, array in tiles]
-        stride = _texfold.tile_stride(len(tiles))
-        seen = run(_seen, [(array, color, alpha, number % stride == 0) for number, array in enumerate(arrays)])
-        peak = max(peak for _, peak, _ in seen)
-        first, categories = self._writer.categories(new, [colours for colours, _, _ in seen])
-        samples = [sample for _, _, sample in seen if sample is not None]
-        errors = lambda step: run(_errors, [(array, options, peak, step) for array in arrays])  # noqa: E731
-        found = _texfold.tile_step(samples, options, peak, errors)
-        names = [_texfold.tile_name(number) for number in range(first, first + len(tiles))]
-        paths = [os.path.join(self._folder, name) for name in names]
-        sums = run(_write, [(array, options, peak, found, path) for array, path in zip(arrays, paths)])
-        places = [(*place, category) for (place, _), category in zip(tiles, categories)]
-        rows, columns = image.shape[:2]
-        self._writer.list(new, (columns, rows), first, list(zip(places, sums)), found[1])
+        with _Job(self._folder, name, key) as job:
+            arrays = [array for _, array in tiles]
+            colours, peak, found = job.kept(lambda: _step(arrays, options, run))
+            first, categories = self._writer.categories(new, colours)
+            numbers = range(len(tiles))
+            missing = [number for number in numbers if job.sums(number) is None]
+            run(_write, [(arrays[number], options, peak, tuple(found), job.tile(number)) for number in missing])
+            sums = [job.sums(number) for number in numbers]
+            for number in numbers:
+                os.replace(job.tile(number), os.path.join(self._folder, _texfold.tile_name(first + number)))
+            places = [(*place, category) for (place, _), category in zip(tiles, categories)]
+            rows, columns = image.shape[:2]
+            self._writer.list(new, (columns, rows), first, list(zip(places, sums)), found[1])
         return True
+
+
+class _Job:
+    """What has been found and encoded of an image that is being added: a folder in that of the bank, from which the same image goes on
+    where a process has ended. One of another key is begun anew.
+    """
+
+    def __init__(self, folder: str, name: str, key: str) -> None:
+        digest = lambda text: hashlib.blake2b(text.encode(), digest_size=12).hexdigest()  # noqa: E731
+        of_name = f".texfold-job-{digest(name)}-"
+        self._folder = os.path.join(folder, of_name + digest(key))
+        for entry in os.scandir(folder):
+            if entry.name.startswith(of_name) and entry.path != self._folder:
+                shutil.rmtree(entry.path, ignore_errors=True)
+        os.makedirs(self._folder, exist_ok=True)
+
+    def kept(self, find: Callable[[], Any]) -> Any:
+        """What `find` gives, as it was found before where it was."""
+        path = os.path.join(self._folder, "step.json")
+        with contextlib.suppress(OSError, ValueError), open(path, encoding="utf-8") as file:
+            return json.load(file)
+        found = find()
+        _write_whole(path, json.dumps(found).encode())
+        return found
+
+    def tile(self, number: int) -> str:
+        """Path of the file of a tile."""
+        return os.path.join(self._folder, f"{number}.txf")
+
+    def sums(self, number: int) -> _texfold.TileSums | None:
+        """What a tile that is written came to."""
+        path = self.tile(number)
+        with contextlib.suppress(OSError, ValueError), open(_sums_of(path), encoding="utf-8") as file:
+            return _texfold.TileSums(file.read()) if os.path.exists(path) else None
+        return None
+
+    def __enter__(self) -> _Job:
+        return self
+
+    def __exit__(self, kind: type | None, *_: object) -> None:
+        # What was refused would be again.
+        if kind is None or issubclass(kind, (BankError, EncodeError)) or not os.listdir(self._folder):
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _sums_of(path: str) -> str:
+    return path.removesuffix(".txf") + ".sums"
 
 
 def _is_dask(image: Any) -> bool:
@@ -169,6 +221,17 @@ def _key(image: Any, options: dict, category: str | None, georeference: bytes) -
     return hasher.hexdigest()
 
 
+def _step(arrays: list, options: dict, run: Run) -> tuple[list, float, tuple[int, bool]]:
+    """Colours of each tile, the peak of all, and the step at which they meet the goal, and whether they do."""
+    stride = _texfold.tile_stride(len(arrays))
+    color, alpha = options["color"], options["alpha"]
+    seen = run(_seen, [(array, color, alpha, number % stride == 0) for number, array in enumerate(arrays)])
+    peak = max(peak for _, peak, _ in seen)
+    samples = [sample for _, _, sample in seen if sample is not None]
+    errors = lambda step: run(_errors, [(array, options, peak, step) for array in arrays])  # noqa: E731
+    return [colours for colours, _, _ in seen], peak, _texfold.tile_step(samples, options, peak, errors)
+
+
 def _seen(tile: np.ndarray, color: str, alpha: str, is_sampled: bool) -> tuple[list[float], float, np.ndarray | None]:
     pixels = _pixels(tile)
     rows, columns = (_texfold.tile_sampled(length) for length in pixels.shape[:2])
@@ -180,9 +243,15 @@ def _errors(tile: np.ndarray, options: dict, peak: float, step: int) -> tuple:
     return _texfold.tile_errors(_pixels(tile), options, peak, step)
 
 
-def _write(tile: np.ndarray, options: dict, peak: float, found: tuple[int, bool], path: str) -> _texfold.TileSums:
+def _write(tile: np.ndarray, options: dict, peak: float, found: tuple[int, bool], path: str) -> None:
     data, sums = _texfold.tile_bytes(_pixels(tile), options, peak, found)
-    # Whole or not at all; a worker that is killed leaves a file of another name.
+    _write_whole(path, data)
+    # Last: where they are, the tile is.
+    _write_whole(_sums_of(path), sums.text().encode())
+
+
+def _write_whole(path: str, data: bytes) -> None:
+    """Whole or not at all; a worker that is killed leaves a file of another name."""
     folder, name = os.path.split(path)
     part = os.path.join(folder, f".texfold-tmp-{os.getpid()}-{secrets.token_hex(8)}-{name}")
     try:
@@ -195,4 +264,3 @@ def _write(tile: np.ndarray, options: dict, peak: float, found: tuple[int, bool]
         if os.path.exists(part):
             os.unlink(part)
         raise
-    return sums

@@ -113,7 +113,7 @@
 //! A light field is a mesh and photographs of it with their cameras: a folder with `transforms.json` (as NeRF tools
 //! write it) or a model of COLMAP (`images.txt` and `cameras.txt`, or `.bin`, there or in `sparse/0`), a scene of OpenMVS (`scene.mvs`), cameras that Metashape exported (any `.xml`) or
 //! Middlebury's `*_par.txt`, the images, and `mesh.obj`, `mesh.ply`, `mesh.glb` or the mesh of COLMAP or OpenMVS in the cameras' space.
-//! Lenses with k1, k2, k3, p1 and p2 are undistorted; fisheye lenses are refused. Pixels with alpha 0 do not show the object:
+//! Lenses with k1 to k4, p1 and p2 and fisheye lenses are undistorted, as far as a pinhole of their focal length sees. Pixels with alpha 0 do not show the object:
 //! mask what the mesh does not cover. From photographs to a capture with COLMAP:
 //!
 //! ```sh

@@ -40,8 +40,8 @@ pub(super) const AXES: Mat4 = Mat4::from_cols(
     Vec4::new(0.0, 0.0, -1.0, 0.0),
     Vec4::new(0.0, 0.0, 0.0, 1.0),
 );
-const OTHER_MODEL: &str = "has a camera whose model is none of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and \
-                           FULL_OPENCV; run colmap image_undistorter";
+const OTHER_MODEL: &str = "has a camera of the model FOV or THIN_PRISM_FISHEYE, of FULL_OPENCV with k4 to k6, or of none that COLMAP has; run colmap \
+                           image_undistorter";
 
 /// An image of a model: name, camera, matrix from camera to world.
 type Pose = (String, u32, Mat4);
@@ -147,7 +147,7 @@ fn lens(line: &str) -> Result<(u32, Lens), &'static str> {
 
 /// The lens of a model.
 fn lens_of(model: &str, [w, h]: [f32; 2], params: &[f32]) -> Result<Lens, &'static str> {
-    let [mut k1, mut k2, mut k3, mut p1, mut p2] = [0.0; 5];
+    let [mut k1, mut k2, mut k3, mut k4, mut p1, mut p2] = [0.0; 6];
     let [fl_x, fl_y, cx, cy] = match (model, params) {
         ("SIMPLE_PINHOLE", &[f, cx, cy]) => [f, f, cx, cy],
         ("PINHOLE", &[fx, fy, cx, cy]) => [fx, fy, cx, cy],
@@ -167,11 +167,24 @@ fn lens_of(model: &str, [w, h]: [f32; 2], params: &[f32]) -> Result<Lens, &'stat
             [k1, k2, p1, p2, k3] = [a, b, c, d, e];
             [fx, fy, cx, cy]
         }
+        ("OPENCV_FISHEYE", &[fx, fy, cx, cy, a, b, c, d]) => {
+            [k1, k2, k3, k4] = [a, b, c, d];
+            [fx, fy, cx, cy]
+        }
+        ("SIMPLE_RADIAL_FISHEYE", &[f, cx, cy, k]) => {
+            k1 = k;
+            [f, f, cx, cy]
+        }
+        ("RADIAL_FISHEYE", &[f, cx, cy, a, b]) => {
+            [k1, k2] = [a, b];
+            [f, f, cx, cy]
+        }
         _ => return Err(OTHER_MODEL),
     };
-    let [w, h, fl_x, fl_y, cx, cy, k1, k2, k3, p1, p2] =
-        [w, h, fl_x, fl_y, cx, cy, k1, k2, k3, p1, p2].map(Some);
-    Ok(Lens { w, h, fl_x, fl_y, cx, cy, k1, k2, k3, p1, p2, ..Lens::default() })
+    let [w, h, fl_x, fl_y, cx, cy, k1, k2, k3, k4, p1, p2] =
+        [w, h, fl_x, fl_y, cx, cy, k1, k2, k3, k4, p1, p2].map(Some);
+    let is_fisheye = Some(model.ends_with("FISHEYE"));
+    Ok(Lens { w, h, fl_x, fl_y, cx, cy, is_fisheye, k1, k2, k3, k4, p1, p2, ..Lens::default() })
 }
 
 /// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`: name, camera and the matrix from camera to world.
@@ -237,7 +250,7 @@ mod tests {
             ("1 1 0 0 0 0 0 0 9 a.png\n\n", CAMERAS, "file of cameras does not have"),
             ("1 1 0 0 0 0 0 9 a.png\n\n", CAMERAS, "not IMAGE_ID"),
             ("", "1 PINHOLE 640\n", "not CAMERA_ID"),
-            ("", "1 OPENCV_FISHEYE 640 480 1 1 1 1 0 0 0 0\n", "image_undistorter"),
+            ("", "1 FOV 640 480 1 1 1 1 0\n", "image_undistorter"),
             ("", "1 PINHOLE 640 480 500 400 320 240 7\n", "image_undistorter"),
         ] {
             let fault = read_texts(images, cameras).unwrap_err();

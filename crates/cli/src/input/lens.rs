@@ -1,6 +1,6 @@
 //! Lenses of cameras, and the pinhole images of lenses that distort.
 //!
-//! *Not done*: fisheye and panoramic lenses and the rational model; a file that has one is refused.
+//! *Not done*: panoramic lenses, those of COLMAP's FOV and THIN_PRISM_FISHEYE and the rational model; a file that has one is refused.
 
 use glam::{UVec2, Vec2, Vec4};
 use rayon::prelude::*;
@@ -9,9 +9,11 @@ use texfold::core::{Camera, Photograph};
 
 /// Coefficients below this move no pixel of an image that a texture can hold.
 const LEAST_DISTORTION: f32 = 1e-7;
-/// Camera models that project as a pinhole but for [`Distortion`], by nerfstudio's and COLMAP's names.
-const MODELS: [&str; 7] =
-    ["PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV"];
+/// Camera models that project as a pinhole but for [`Distortion`], by nerfstudio's, COLMAP's and Metashape's names.
+const MODELS: [&str; 8] =
+    ["PERSPECTIVE", "FRAME", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV"];
+/// Those that project by the angle from the axis.
+const FISHEYES: [&str; 4] = ["FISHEYE", "OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"];
 /// Steps from the axis to the farthest pixel in which the sign of the radial slope is looked at.
 const STEPS: u32 = 256;
 
@@ -26,6 +28,7 @@ pub(super) struct Lens {
     pub(super) cy: Option<f32>,
     pub(super) camera_angle_x: Option<f32>,
     pub(super) camera_model: Option<String>,
+    pub(super) is_fisheye: Option<bool>,
     pub(super) k1: Option<f32>,
     pub(super) k2: Option<f32>,
     pub(super) k3: Option<f32>,
@@ -35,12 +38,13 @@ pub(super) struct Lens {
 }
 
 /// Distortion by Brown and Conrady, as OpenCV's first five coefficients: from a ray's place in the plane at distance 1 to the place where
-/// the lens draws it.
+/// the lens draws it. Of a fisheye lens (Kannala and Brandt, as OpenCV has it) by the angle from the axis in place of the radius.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Distortion {
-    /// Of the second, fourth and sixth power of the radius.
-    radial: [f32; 3],
+    /// Of the second, fourth, sixth and eighth power of the radius.
+    radial: [f32; 4],
     tangential: [f32; 2],
+    is_fisheye: bool,
 }
 
 impl Lens {
@@ -55,6 +59,7 @@ impl Lens {
             cy: self.cy.or(other.cy),
             camera_angle_x: self.camera_angle_x.or(other.camera_angle_x),
             camera_model: self.camera_model.or_else(|| other.camera_model.clone()),
+            is_fisheye: self.is_fisheye.or(other.is_fisheye),
             k1: self.k1.or(other.k1),
             k2: self.k2.or(other.k2),
             k3: self.k3.or(other.k3),
@@ -70,30 +75,33 @@ impl Lens {
     /// A phrase for a lens of another model, or a coefficient that is no number.
     pub(super) fn distortion(&self) -> Result<Option<Distortion>, &'static str> {
         let of = |value: Option<f32>| value.unwrap_or(0.0);
-        let radial = [self.k1, self.k2, self.k3].map(of);
+        let radial = [self.k1, self.k2, self.k3, self.k4].map(of);
         let tangential = [self.p1, self.p2].map(of);
-        let rest = of(self.k4);
-        let mut all = radial.into_iter().chain(tangential).chain([rest]);
+        let mut all = radial.into_iter().chain(tangential);
         if !all.clone().all(f32::is_finite) {
             return Err("has a lens coefficient that is not a finite number");
         }
-        let known = |name: &String| MODELS.contains(&name.to_uppercase().as_str());
-        if !self.camera_model.as_ref().is_none_or(known) || rest.abs() > LEAST_DISTORTION {
+        let model = self.camera_model.as_ref().map(|name| name.to_uppercase());
+        let is_one_of = |names: &[&str]| model.as_ref().is_some_and(|name| names.contains(&name.as_str()));
+        let is_fisheye = self.is_fisheye == Some(true) || is_one_of(&FISHEYES);
+        if !is_fisheye && model.is_some() && !is_one_of(&MODELS) {
             return Err(
-                "has a fisheye or other lens, and only k1, k2, k3, p1 and p2 are undistorted: undistort the images first",
+                "has a lens that is neither a pinhole with k1 to k4, p1 and p2 nor a fisheye: undistort the images first",
             );
         }
-        let distorts = all.any(|value| value.abs() > LEAST_DISTORTION);
-        Ok(distorts.then_some(Distortion { radial, tangential }))
+        let distorts = is_fisheye || all.any(|value| value.abs() > LEAST_DISTORTION);
+        Ok(distorts.then_some(Distortion { radial, tangential, is_fisheye }))
     }
 }
 
 impl Distortion {
     /// The place where the lens draws what a pinhole draws at `at`, both in units of the focal length from the axis.
     fn distorted(self, at: Vec2) -> Vec2 {
+        let radius = at.length();
+        let at = if self.is_fisheye && radius > 0.0 { at * (radius.atan() / radius) } else { at };
         let square = at.length_squared();
-        let [first, second, third] = self.radial;
-        let scale = 1.0 + square * (first + square * (second + square * third));
+        let [first, second, third, fourth] = self.radial;
+        let scale = 1.0 + square * (first + square * (second + square * (third + square * fourth)));
         let [down, across] = self.tangential;
         let shift = 2.0 * at.x * at.y * Vec2::new(down, across);
         at * scale + shift + (Vec2::splat(square) + 2.0 * at * at) * Vec2::new(across, down)
@@ -101,10 +109,11 @@ impl Distortion {
 
     /// The radius up to which the lens draws farther rays farther out: beyond it a polynomial folds back, and means nothing.
     fn unfolded(self, most: f32) -> f32 {
-        let [first, second, third] = self.radial;
+        let [first, second, third, fourth] = self.radial;
         let rises = |radius: f32| {
-            let square = radius * radius;
-            1.0 + square * (3.0 * first + square * (5.0 * second + square * 7.0 * third)) > 0.0
+            let square = if self.is_fisheye { radius.atan() } else { radius }.powi(2);
+            let last = 7.0 * third + square * 9.0 * fourth;
+            1.0 + square * (3.0 * first + square * (5.0 * second + square * last)) > 0.0
         };
         let radius = |step: u32| most * step as f32 / STEPS as f32;
         (0..=STEPS).map(radius).take_while(|&radius| rises(radius)).last().unwrap_or(0.0)
@@ -204,6 +213,10 @@ mod tests {
         let found = lens(r#"{"k1": -0.2, "k2": 0.05, "k3": 0.01, "p1": 0.01, "p2": -0.02}"#);
         let place = found.distortion().unwrap().unwrap().distorted(Vec2::new(0.3, -0.2));
         assert!(place.distance(Vec2::new(0.285_060_1, -0.190_473_4)) < 1e-6, "{place}");
+        // 45 degrees from the axis: pi / 4 (1 + 0.1 pi^2 / 16 + 0.02 pi^8 / 65536).
+        let found = lens(r#"{"k1": 0.1, "k4": 0.02, "camera_model": "OPENCV_FISHEYE"}"#);
+        let place = found.distortion().unwrap().unwrap().distorted(Vec2::new(0.6, -0.8));
+        assert!(place.distance(0.836_119_7 * Vec2::new(0.6, -0.8)) < 1e-6, "{place}");
     }
 
     #[test]
@@ -211,7 +224,9 @@ mod tests {
         let camera = camera(240, 180);
         for found in [
             r#"{"k1": -0.2, "k2": 0.05, "p1": 0.01, "p2": -0.02}"#,
-            r#"{"k1": 0.15, "k3": 0.02, "camera_model": "OPENCV"}"#,
+            r#"{"k1": 0.15, "k3": 0.02, "k4": 0.01, "camera_model": "OPENCV"}"#,
+            r#"{"is_fisheye": true}"#,
+            r#"{"k1": 0.1, "k2": -0.05, "k4": 0.01, "camera_model": "OPENCV_FISHEYE"}"#,
         ] {
             let distortion = lens(found).distortion().unwrap().unwrap();
             let taken = picture(camera, |place| scene(ray(distortion, place)));
@@ -250,11 +265,11 @@ mod tests {
     #[test]
     fn lenses_of_other_models_are_refused() {
         for (found, wanted) in [
-            (r#"{"k1": 0.1, "camera_model": "OPENCV_FISHEYE"}"#, Err(())),
-            (r#"{"camera_model": "OPENCV_FISHEYE"}"#, Err(())),
+            (r#"{"camera_model": "OPENCV_FISHEYE"}"#, Ok(true)),
+            (r#"{"camera_model": "FOV", "k1": 0.1}"#, Err(())),
             (r#"{"camera_model": "EQUIRECTANGULAR"}"#, Err(())),
             (r#"{"camera_model": "SIMPLE_PINHOLE"}"#, Ok(false)),
-            (r#"{"k1": 0.1, "k4": 0.2}"#, Err(())),
+            (r#"{"k4": 0.2, "is_fisheye": false}"#, Ok(true)),
             (r#"{"k1": 0.0, "p2": 1e-9}"#, Ok(false)),
             (r#"{"p2": 0.01}"#, Ok(true)),
         ] {

@@ -191,7 +191,7 @@ fn lens(sensor: Node<'_, '_>) -> Result<Lens, &'static str> {
         fl_y: some(fl_y),
         cx: some(cx),
         cy: some(cy),
-        camera_model: (kind != "frame").then(|| kind.to_owned()),
+        camera_model: Some(kind.to_owned()),
         k1: value("k1")?.and_then(some),
         k2: value("k2")?.and_then(some),
         k3: value("k3")?.and_then(some),
@@ -296,7 +296,7 @@ mod tests {
         let whole = file(SENSOR, COMPONENT);
         for (text, wanted) in [
             (whole.replace("sensor id=\"0\"", "sensor id=\"7\""), "sensor it does not have"),
-            (whole.replace("type=\"frame\"><resolution", "type=\"fisheye\"><resolution"), "fisheye"),
+            (whole.replace("type=\"frame\"><resolution", "type=\"spherical\"><resolution"), "nor a fisheye"),
             (whole.replace("<scale>2</scale>", "<scale>two</scale>"), "not numbers"),
             (whole.replace("</document>", "<chunk/></document>"), "more than one chunk"),
             (whole.replace("</cameras>", ""), "any.xml"),

@@ -5,7 +5,7 @@ use texfold_core::image::PixelInfo;
 use texfold_core::{Effort, Goal, Metric, ParamError, Params};
 use texfold_residual::MAX_REDUCE_LOG2;
 
-/// How images are stored.
+/// How images are stored. Colours that alpha hides ([`PixelInfo::hides_colors`]) are not kept.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct ProgressiveParams {

@@ -1,4 +1,4 @@
-//! Bases of images: reduced by area means, alpha by a fit to what is read, and stored in plain blocks.
+//! Bases of images: colours reduced by area means, alpha by a fit to what decoders read, both stored in plain blocks.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -24,8 +24,8 @@ const GAINED: f64 = 0.9;
 /// Content of bases alone. `full` is the layout of the images with the levels that are not stored; `chains` are the
 /// stored levels of each. `padded` is what surrounds the finest stored level of the only image: only then may `form` be
 /// padded. Colours are averaged as they are stored: what is left to the residual plane is least then. In linear light it
-/// is 0.06 dB more at equal bits. Alpha has no residual: but in bases that are isolated or padded it is fitted to what
-/// decoders read, with its contrast raised where that lessens the error.
+/// is 0.06 dB more at equal bits. Alpha, which has no residual, is fitted to what decoders read, its contrast raised where that
+/// lessens the error; in bases that are isolated or padded it is averaged, so that neighbours agree.
 ///
 /// # Errors
 /// [`EncodeError::Cancelled`] within 0.2 s of the caller's wish.
@@ -50,7 +50,7 @@ pub fn bases(
     }
     let fits = storage.alpha_fits(chains)?;
     let mut best: Option<(f64, ResidualContent)> = None;
-    // Blocks are less exact where contrast is raised: whether it pays, they show.
+    // Raised contrast raises errors of blocks, too: the coded bases decide.
     for (log2, smalls) in (0..).zip(&fits).filter(|&(log2, _)| log2 == 0 || log2 + 1 == fits.len()) {
         let form = BaseForm { alpha_gain_log2: log2 as u32, ..form };
         let storage = Storage { form, ..storage };

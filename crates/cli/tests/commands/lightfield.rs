@@ -253,7 +253,7 @@ fn faults_of_captures_are_named() {
     for (error, wanted) in [
         (fault(&|c| c["frames"] = json!([])), "names no frame"),
         (fault(&|c| c["frames"] = json!(3)), "transforms.json"),
-        (fault(&|c| c["k4"] = json!(0.1)), "undistort the images first"),
+        (fault(&|c| c["camera_model"] = json!("EQUIRECTANGULAR")), "undistort the images first"),
         (fault(&|c| c["fl_x"] = json!(null)), "add fl_x"),
         (fault(&|c| c["w"] = json!(41)), "40x40 pixels where its camera has 41x40"),
         (fault(&|c| c["frames"][2]["file_path"] = json!("images/none.png")), "none.png"),

@@ -315,6 +315,13 @@ impl Run<'_> {
         for note in remarks.notes(files) {
             progress.say(&format!("note: {}: {note}", found.path.display()));
         }
+        if found.kind == Kind::Set && images.images().len() > 1 && !self.bench.storage().is_empty() {
+            progress.say(&format!(
+                "note: {}: codecs share the bits of a set out among its images, formats for storage take those asked for of each; give \
+                 the images one by one to compare them so",
+                found.path.display()
+            ));
+        }
         for warning in remarks.warnings(files) {
             progress.mention(&format!("warning: {}: {warning}", found.path.display()));
         }

@@ -161,8 +161,8 @@ fn circumstances(bench: &Bench) -> String {
         found => {
             let names: Vec<&str> = found.iter().map(Storage::name).collect();
             format!(
-                "Dashed: {} at the best setting within the bits of each image; no part of such files can be read alone, and they are drawn \
-                 as plain texels.",
+                "Dashed: {} at the best setting within the bits of each image, also of a set, whose bits codecs share out among its images; no part of \
+                 such files can be read alone, and they are drawn as plain texels.",
                 names.join(", ")
             )
         }

@@ -113,7 +113,7 @@ impl TileSums {
         Ok(TileSums(sums))
     }
 
-    /// What it is parsed from.
+    /// Text form, as the constructor takes it.
     fn text(&self) -> String {
         self.0.to_text()
     }

@@ -121,19 +121,21 @@ def test_what_a_killed_process_has_written_is_not_written_again(tmp_path, monkey
     assert files(folder) == files(tmp_path / "one")
 
 
-def test_another_image_of_the_name_takes_the_place_of_what_is_half_done(tmp_path):
+@pytest.mark.parametrize("other", [{"key": "2"}, {"psnr": 38}])
+def test_another_image_or_goal_takes_the_place_of_what_is_half_done(tmp_path, other):
     image = land(2000, 300)
 
     def fail(block):
-        if list(tmp_path.glob(".texfold-job-*/step.json")):
+        if list(tmp_path.glob("half/.texfold-job-*/step.json")):
             raise OSError("the store failed")
         return block
 
     broken = da.map_blocks(fail, da.from_array(image, chunks=(1000, 300, 3)), meta=np.zeros((0, 0, 0), np.uint8))
     with dask.config.set(scheduler="synchronous"), pytest.raises(OSError, match="the store failed"):
-        add(tmp_path, "land", broken)
-    assert add(tmp_path, "land", image[::-1], key="2")
-    assert not list(tmp_path.glob(".texfold-job-*")) and texfold.psnr(texfold.Bank(tmp_path).read(), image[::-1]) > 33
+        add(tmp_path / "half", "land", broken)
+    for folder in ["half", "new"]:
+        assert add(tmp_path / folder, "land", image[::-1], **other)
+    assert files(tmp_path / "half") == files(tmp_path / "new")
 
 
 def test_the_same_again_is_no_work_and_another_is_refused_or_replaces_it(tmp_path):

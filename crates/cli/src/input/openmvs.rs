@@ -64,7 +64,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Shot>, CliError> {
     Ok(shots)
 }
 
-/// Where a scene's image is: where the scene has it, else by its name alone in `images` or beside the scene, as scenes are moved.
+/// Path of a scene's image: as the scene has it, else its name alone in `images` or beside the scene, as scenes are moved.
 fn find_image(scene: &Path, name: &str) -> PathBuf {
     let name = name.replace('\\', "/");
     let dir = scene.parent().unwrap_or(Path::new(""));

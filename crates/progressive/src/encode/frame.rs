@@ -138,7 +138,7 @@ fn taps((count, more): (u32, u32), (small, beyond): (u32, u32)) -> Vec<TexfoldTa
     (0..count + 2 * more).map(tap).collect()
 }
 
-/// How a smaller image of `width` x `height` texels and `beyond` more on each side is enlarged to one of `inner` texels and `padding` more.
+/// Enlargement of a smaller image of `width` x `height` texels and `beyond` more on each side to one of `inner` texels and `padding` more.
 fn enlargement((inner, padding): (ImageSize, u32), (width, height): (u32, u32), beyond: u32) -> Enlargement {
     let counted = |count: u32| padding as usize..(padding + count) as usize;
     Enlargement {

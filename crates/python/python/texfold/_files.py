@@ -1,4 +1,4 @@
-"""What textures and light fields share."""
+"""Parts of files, for textures and light fields."""
 
 from __future__ import annotations
 

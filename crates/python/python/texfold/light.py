@@ -25,7 +25,7 @@ class Camera(NamedTuple):
     """Matrix of 4x4 from the camera's space to the mesh's, a rigid motion. The camera looks along -z, y up, as in OpenGL, NeRF and
     nerfstudio; of OpenCV's and COLMAP's matrices the second and third column change their sign."""
     centre: Union[Sequence[float], None] = None
-    """Where the axis meets the image, in pixels from the upper left corner; the middle by default."""
+    """Point where the axis meets the image, in pixels from the upper left corner; the middle by default."""
 
     def _eye(self) -> _texfold.Eye:
         focal = np.broadcast_to(np.asarray(self.focal, np.float32), (2,))
@@ -117,7 +117,7 @@ class LightField:
     triangles = property(lambda self: self._light.mesh()[1].reshape(-1, 3), doc="Numbers of vertices, of shape (m, 3).")
 
     def render(self, camera: Camera, *, terms: int | None = None) -> np.ndarray:
-        """What a camera sees, by the CPU: ``uint8`` of rows, columns and RGBA, alpha 0 where it sees no mesh.
+        """The picture of a camera, drawn by the CPU: ``uint8`` of rows, columns and RGBA, alpha 0 where it sees no mesh.
 
         Parameters
         ----------

@@ -122,7 +122,7 @@ class BankWriter:
         new = (name, key, category, base64.b64encode(georeference).decode(), bool(replace))
         if not self._writer.is_new(new):
             return False
-        with _Job(self._folder, name, key) as job:
+        with _Job(self._folder, name, repr((key, image.shape, str(image.dtype), sorted(options.items(), key=str)))) as job:
             arrays = [array for _, array in tiles]
             colours, peak, found = job.kept(lambda: _step(arrays, options, run))
             first, categories = self._writer.categories(new, colours)
@@ -139,8 +139,8 @@ class BankWriter:
 
 
 class _Job:
-    """What has been found and encoded of an image that is being added: a folder in that of the bank, from which the same image goes on
-    where a process has ended. One of another key is begun anew.
+    """Step and tiles of an image that is being added: a folder in that of the bank, from which the same image goes on
+    where a process has ended. One of another key, shape or goal is begun anew.
     """
 
     def __init__(self, folder: str, name: str, key: str) -> None:
@@ -153,7 +153,7 @@ class _Job:
         os.makedirs(self._folder, exist_ok=True)
 
     def kept(self, find: Callable[[], Any]) -> Any:
-        """What `find` gives, as it was found before where it was."""
+        """Result of `find`, kept from before where there is one."""
         path = os.path.join(self._folder, "step.json")
         with contextlib.suppress(OSError, ValueError), open(path, encoding="utf-8") as file:
             return json.load(file)
@@ -166,7 +166,7 @@ class _Job:
         return os.path.join(self._folder, f"{number}.txf")
 
     def sums(self, number: int) -> _texfold.TileSums | None:
-        """What a tile that is written came to."""
+        """Bits and errors of a tile that is written; else none."""
         path = self.tile(number)
         with contextlib.suppress(OSError, ValueError), open(_sums_of(path), encoding="utf-8") as file:
             return _texfold.TileSums(file.read()) if os.path.exists(path) else None
@@ -176,7 +176,7 @@ class _Job:
         return self
 
     def __exit__(self, kind: type | None, *_: object) -> None:
-        # What was refused would be again.
+        # A refusal would come again.
         if kind is None or issubclass(kind, (BankError, EncodeError)) or not os.listdir(self._folder):
             shutil.rmtree(self._folder, ignore_errors=True)
 

@@ -11,7 +11,7 @@ use texfold_core::{CancelCheck, EncodeError, ImageSize};
 const STEP: f32 = 2.0;
 const MOMENTUM: f32 = 0.5;
 
-/// How a smaller image is enlarged, each channel alone.
+/// Bilinear enlargement of a smaller image, each channel alone.
 #[derive(Debug)]
 pub struct Enlargement {
     /// Columns and rows of the smaller image.
@@ -64,7 +64,7 @@ impl Enlargement {
         lines.flat_map(|line| &line[columns.clone()]).map(|&away| f64::from(away).powi(2)).sum()
     }
 
-    /// What the image has beyond the enlargement.
+    /// Difference of the image and the enlargement, texel by texel.
     #[must_use]
     pub fn residuals(&self, small: &[f32], wanted: &[f32]) -> Vec<f32> {
         let count = self.columns.len();
@@ -118,7 +118,7 @@ impl Enlargement {
     }
 }
 
-/// How much of the enlargement each of `count` columns (`axis` 0) or rows (1) contributes to.
+/// Sum of the weights with which the enlargement reads each of `count` columns (`axis` 0) or rows (1).
 fn shares(taps: &[TexfoldTap], count: usize, axis: usize) -> Vec<f32> {
     let mut shares = vec![0.0f32; count];
     for tap in taps {

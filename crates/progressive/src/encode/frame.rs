@@ -164,7 +164,7 @@ fn fitted(
     let size = enlargement.small;
     let mut small = image.reduced(&image.raster, size, f64::from(beyond));
     let mut squared = 0.0;
-    for channel in 0..3 {
+    for channel in 0..usize::from(image.raster.info().color_channels()) {
         let wanted: Vec<f32> = image.raster.texels().map(|texel| texel[channel]).collect();
         let mut values: Vec<f32> = small.iter().map(|texel| texel[channel]).collect();
         enlargement.fit(&mut values, &wanted, passes, check)?;

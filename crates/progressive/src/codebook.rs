@@ -17,7 +17,7 @@ use texfold_core::{Cached, ImageSize, Texel, WordRows};
 /// Name of the map in a footprint.
 pub(crate) const MAP_PART: &str = "map";
 /// Name of a codebook that is kept elsewhere.
-pub(crate) const PUBLIC_PART: &str = "public codebook";
+pub const PUBLIC_PART: &str = "public codebook";
 /// Name of a texture's own codebook.
 pub(crate) const PRIVATE_PART: &str = "codebook";
 /// Texels a side of the pieces that codebooks are made of.

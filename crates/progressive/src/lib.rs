@@ -28,6 +28,8 @@ mod shared;
 mod texel;
 mod wire;
 
+#[doc(hidden)]
+pub use codebook::PUBLIC_PART;
 pub use codebook::{CELL_SIDE, Codebook, Details, Entry, EntryMap, MapForm};
 #[cfg(feature = "encode")]
 pub use encode::ProgressiveSearch;

@@ -13,7 +13,7 @@ use texfold_core::{
 };
 use texfold_progressive::{APRON, Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 use texfold_residual::encode::counted_error;
-use texfold_testkit::once;
+use texfold_testkit::{once, strokes};
 
 fn image(name: &str) -> ImageSet {
     ImageSet::single(texfold_testkit::image(name))
@@ -204,29 +204,6 @@ fn an_image_that_its_base_holds_has_no_residual_plane() {
     assert_eq!(at(0, 0), at(17, 5));
 }
 
-/// An image of strokes of so many shapes here and there, in several directions, on a slope of brightness: `seed` moves them.
-fn strokes(seed: u32, shapes: u32) -> ImageSet {
-    let side = 512;
-    let value = |x: u32, y: u32| {
-        let (tile_x, tile_y) = (x / 32, y / 32);
-        let kind = (tile_x * 7 + tile_y * 13 + seed * 5) % 4;
-        let (u, v) = (x % 32, y % 32);
-        let (a, b) = match kind {
-            0 => (u, v),
-            1 => (31 - v, u),
-            2 => (31 - u, 31 - v),
-            _ => (v, 31 - u),
-        };
-        let shape = (tile_x * 5 + tile_y * 3 + seed) % shapes;
-        let stroke =
-            (a * a / (9 + shape) + (3 + shape % 3) * b + a * b / (17 + 2 * shape)) % (23 + shape) < 9;
-        (60 + (x + y) / 10 + if stroke { 50 } else { 0 }).min(255) as u8
-    };
-    let texel = |i: u32| [value(i % side, i / side); 3];
-    let bytes: Vec<u8> = (0..side * side).flat_map(texel).collect();
-    ImageSet::single(Raster::from_u8(side, side, 3, ColorSpace::Srgb, &bytes).unwrap())
-}
-
 /// Whatever stands in the sections of map and codebook: what loads can be drawn.
 fn damaged_maps_load_or_are_named(file: &Sections<'_>, budget: &mut Budget) {
     let mut refused = 0;
@@ -263,7 +240,7 @@ fn damaged_maps_load_or_are_named(file: &Sections<'_>, budget: &mut Budget) {
 
 #[test]
 fn what_recurs_is_shown_from_a_codebook() {
-    let set = strokes(0, 1);
+    let set = ImageSet::single(strokes((512, 512), 0, 1));
     let goal = Goal::Bpp(0.6);
     let plain = encode(&set, &fast(goal));
     let texture = encode(&set, &ProgressiveParams::default().with_goal(goal));
@@ -290,7 +267,7 @@ fn a_public_codebook_grows_and_earlier_images_stay_as_they_are() {
     let mut shared = Shared { public: None, most_rows: 128, apron: None };
     let (mut made, mut rows) = (Vec::new(), Vec::new());
     for seed in [0, 0, 1] {
-        let set = strokes(seed, 12);
+        let set = ImageSet::single(strokes((512, 512), seed, 12));
         let texture = Progressive::encode_shared(&set, &params, &shared, &mut Job::default()).unwrap();
         if let Some(public) = texture.details().and_then(|details| details.public.clone()) {
             shared.public = Some(public);

@@ -11,7 +11,7 @@ use texfold::bank::{
     block_tile_entry, check_size, search_tiles, step_errors, tile_file,
 };
 use texfold::core::metric::SquaredError;
-use texfold::core::{EncodeError, ImageSize};
+use texfold::core::{Access, EncodeError, ImageSize};
 use texfold::dct::{Dct, DctParams};
 use texfold::{Depth, EncodeSettings, ImageSet};
 
@@ -96,7 +96,9 @@ impl BankWriter {
         };
         let tiles = (first..).zip(&tiles).map(tile).collect();
         let size = ImageSize { width: size.0, height: size.1 };
-        self.with(|writer| writer.list_blocks(&new_image(&image), (size, tiles), &sums.report(met), end))
+        self.with(|writer| {
+            writer.list_blocks(&new_image(&image), (size, tiles), &sums.report(Access::Block, Some(met)), end)
+        })
     }
 }
 
@@ -251,7 +253,7 @@ pub(crate) fn tile_bytes<'py>(
     let made = py.detach(|| {
         let images = block_tile(&set, &params, found.0, found.1)?;
         let mut sums = Sums::default();
-        sums.add(&set, &images);
+        sums.add(&set, &images, 0);
         Ok::<_, EncodeError>((texfold::file_of(&images), sums))
     });
     let (bytes, sums) = made.map_err(|error| encode_error(&error))?;

@@ -7,8 +7,10 @@ pub mod fixtures;
 pub mod leaves;
 mod load;
 pub mod once;
+mod strokes;
 
 pub use load::{crop, data_dir, fixtures_dir, frames, image, png};
+pub use strokes::strokes;
 
 pub use texfold_core::rng;
 

@@ -225,29 +225,30 @@
 //! In code, a [`Bank`](crate::bank::Bank) lists what is there, decodes rectangles of any level across tiles, and opens single tiles; [levels](crate::bank::Image::levels) of an image are those of its
 //! tiles, side by side.
 //!
-//! A [`BankWriter`](crate::bank::BankWriter) adds images by block, whose tiles share a step ([`Dct::encode_at_step`](crate::dct::Dct::encode_at_step)): the files are those of
-//! `texfold bank add --codec dct`. The parts of it, for images that no single process holds: [`search_blocks`](crate::bank::search_blocks),
-//! [`block_tile`](crate::bank::block_tile), [`BankWriter::list_blocks`](crate::bank::BankWriter::list_blocks). With `progressive` an image is encoded against a public codebook and gives back the codebook as it has grown:
+//! A [`BankWriter`](crate::bank::BankWriter) adds images by block, whose tiles share a step ([`Dct::encode_at_step`](crate::dct::Dct::encode_at_step)), and by texel, whose tiles use
+//! and grow the public codebooks of their categories. The files are those of `texfold bank add`:
 //!
 //! ```
-//! use texfold::{Goal, ImageSet, Job, progressive::{Progressive, ProgressiveParams, Shared}};
+//! use texfold::bank::{BankWriter, NewImage};
+//! use texfold::{Effort, EncodeSettings, Goal, Job, progressive::Progressive};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let mut params = ProgressiveParams::default();
-//! params.goal = Goal::Bpp(0.6);
-//! let mut shared = Shared::default();
-//! shared.most_rows = 512;
+//! # let folder = tempfile::tempdir()?;
+//! # let folder = folder.path();
+//! let settings = EncodeSettings { goal: Goal::Bpp(0.6), effort: Effort::Fast, ..EncodeSettings::default() };
+//! let mut bank: BankWriter = BankWriter::open(folder)?;
 //! for name in ["odd_37x61", "odd_3x5"] {
 //! #   let raster = texfold_testkit::image(name);
-//!     let set = ImageSet::single(raster);
-//!     let texture = Progressive::encode_shared(&set, &params, &shared, &mut Job::default())?;
-//!     if let Some(grown) = texture.details().and_then(|details| details.public.clone()) {
-//!         shared.public = Some(grown);
-//!     }
+//!     let image = NewImage { name, key: "2026", category: Some("forest"), ..NewImage::default() };
+//!     bank.add_texels(&image, &raster, &settings.params::<Progressive>(), &mut Job::default())?;
 //! }
+//! assert_eq!(bank.bank().images().len(), 2);
 //! # Ok(())
 //! # }
 //! ```
+//!
+//! Images that no single process holds are added by the parts of it: [`search_blocks`](crate::bank::search_blocks), [`block_tile`](crate::bank::block_tile),
+//! [`BankWriter::list_blocks`](crate::bank::BankWriter::list_blocks).
 //!
 //! # Draw from a cache of tiles
 //!

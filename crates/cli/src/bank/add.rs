@@ -6,15 +6,16 @@
 use std::time::Instant;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
-use texfold::bank::{Categories, Category, Seen, is_device, is_printable};
+use texfold::bank::{Categories, Codebooks, Grown, Seen, is_device, is_printable};
 use texfold_core::image::Depth;
 use texfold_core::{Access, ImageSize};
 use texfold_progressive::{Progressive, ProgressiveParams};
 
+use super::encode::{Encode, Encoded};
 use super::manifest::{self, Bank, Image};
 use super::sums::Sums;
-use super::task::{BankTask, Books, Grown, Place};
-use super::{Open, blocks, fault, texel, tiles};
+use super::task::BankTask;
+use super::{Open, fault, tiles};
 use crate::error::{CliError, guarded};
 use crate::input::{self, Remarks, georeference};
 use crate::progress::Share;
@@ -163,11 +164,6 @@ impl BankTask {
         Ok(Found { tiles: seen, remarks, georeference })
     }
 
-    /// The fault of an image that is no longer what it was when its tiles were counted.
-    pub(super) fn has_changed(&self) -> CliError {
-        CliError::BankName { path: self.path.clone() }
-    }
-
     /// The key of an image that is not there yet, or replaces the one of its name.
     fn key_of_new(&self, open: &Open, force: bool) -> Result<String, Step> {
         let shown = [Some(self.name.as_str()), self.category.as_deref()].into_iter().flatten();
@@ -205,26 +201,18 @@ impl BankTask {
     pub(crate) fn make(
         &self,
         bank: &Bank,
-        books: &Books,
+        books: &Codebooks,
         add: &Add,
         limit_bytes: u64,
         share: &Share<'_>,
     ) -> Result<Made, CliError> {
         let start = Instant::now();
-        let place = Place {
-            dir: bank.dir(),
-            first: add.first,
-            categories: &add.categories,
-            limit_bytes,
-            peak: add.peak,
-        };
-        let (sums, size, grown) = match add.access {
-            Access::Block => blocks::encode(self, add.depth, place, share)?,
-            Access::Texel => texel::encode(self, books, place, share)?,
-        };
-        let making = match add.access {
-            Access::Block => blocks::making(&sums, self.params().goal),
-            Access::Texel => texel::making(&sums),
+        let Add { first, depth, peak, ref categories, .. } = *add;
+        let dir = bank.dir();
+        let encode = Encode { task: self, dir, first, categories, depth, peak, limit_bytes, share };
+        let Encoded { sums, size, making, grown } = match add.access {
+            Access::Block => encode.blocks()?,
+            Access::Texel => encode.texels(books)?,
         };
         let mut row = sums.row(self, bank.dir(), size, (&making, start.elapsed().as_secs_f64()));
         row.notes = add.remarks.notes(1);
@@ -255,21 +243,8 @@ impl Open {
         let Made { image, grown, end } = made;
         let row = image.row.clone();
         let path = self.bank().dir().join(&image.name);
-        let change = |categories: &mut [Category]| {
-            for grown in &grown {
-                let category = &mut categories[grown.number];
-                category.tiles += grown.tiles;
-                if let Some((file, rows)) = &grown.file {
-                    (category.file, category.rows) = (Some(file.clone()), *rows);
-                }
-            }
-        };
         let has_blocks = |image: &Image| manifest::access_of(image) == Access::Block;
-        self.writer.list(image, end, has_blocks, change).map_err(|error| fault(&path, error))?;
-        self.books.resize(self.bank().manifest().categories.len(), None);
-        for grown in grown.into_iter().filter(|grown| grown.file.is_some()) {
-            self.books[grown.number] = grown.book;
-        }
+        self.writer.list(image, end, has_blocks, &grown).map_err(|error| fault(&path, error))?;
         Ok(row)
     }
 }

@@ -1,24 +1,20 @@
 //! Banks: folders of many images that grow by further ones. Images are cut into tiles, which are stored by block, with
 //! one step for all tiles of an image, or by texel, with public codebooks that images share.
 //!
-//! [`texfold::bank`] says how a bank is written; public codebooks grow by rows behind those that are there: a grown one is a new file,
-//! whose first rows are the old one's bytes.
+//! [`texfold::bank`] has how banks are written and how tiles are encoded; here files are read, and figures of them collected.
 
 mod add;
-mod blocks;
+mod encode;
 mod manifest;
 mod map;
 mod show;
 mod sums;
 mod task;
-mod texel;
 mod tiles;
 
 use std::path::Path;
-use std::sync::Arc;
 
-use texfold::bank::WriteError;
-use texfold_progressive::Codebook;
+use texfold::bank::{Codebooks, WriteError};
 
 use crate::error::CliError;
 use crate::output::make_folder;
@@ -26,14 +22,12 @@ pub(crate) use add::{Add, Made, Step, plan};
 use manifest::{Bank, Writer};
 pub(crate) use map::BankMap;
 pub(crate) use show::{Choice, decompress, describe, is_bank};
-pub(crate) use task::{BankTask, Books};
+pub(crate) use task::BankTask;
 
 /// A bank that is added to; the lock is held while this lives.
 #[derive(Debug)]
 pub(crate) struct Open {
     writer: Writer,
-    /// Public codebooks that have been read or made, by category.
-    books: Vec<Option<Arc<Codebook>>>,
 }
 
 impl Open {
@@ -42,8 +36,7 @@ impl Open {
         make_folder(dir)?;
         let writer = Writer::open(dir).map_err(|error| fault(dir, error))?;
         manifest::warn_of_georeferences(writer.bank());
-        let books = writer.bank().manifest().categories.iter().map(|_| None).collect();
-        Ok(Open { writer, books })
+        Ok(Open { writer })
     }
 
     /// What is listed.
@@ -52,17 +45,9 @@ impl Open {
     }
 
     /// The public codebooks that an image may use: none by block.
-    pub(crate) fn books_for(&mut self, add: &Add) -> Result<Books, CliError> {
+    pub(crate) fn books_for(&self, add: &Add) -> Result<Codebooks, CliError> {
         let categories = if add.uses_codebooks() { add.categories.as_slice() } else { &[] };
-        categories.iter().map(|&number| Ok((number, self.book(number)?))).collect()
-    }
-
-    fn book(&mut self, number: usize) -> Result<Option<Arc<Codebook>>, CliError> {
-        self.books.resize(self.bank().manifest().categories.len(), None);
-        if self.books[number].is_none() {
-            self.books[number] = self.bank().codebook(number)?;
-        }
-        Ok(self.books[number].clone())
+        categories.iter().map(|&number| Ok((number, self.bank().codebook(number)?))).collect()
     }
 }
 

@@ -6,14 +6,12 @@ use texfold_core::image::ImageSet;
 use texfold_core::metric::{Quality, decode_rounded};
 use texfold_core::target::Measured;
 use texfold_core::{Access, Encoded, Image2d, ImageSize};
+use texfold_progressive::PUBLIC_PART;
 
 use super::task::BankTask;
 use crate::perceptual::{Likeness, mean};
 use crate::report::{PartRow, Row, Sizes, peak_bytes};
 use texfold::bank::Tile;
-
-/// Name of the part that tiles share.
-const PUBLIC: &str = "public codebook";
 
 /// What is known of the tiles of an image so far.
 #[derive(Debug, Default)]
@@ -64,7 +62,7 @@ impl Sums {
 
     fn add_parts(&mut self, texture: &dyn Encoded<Domain = Image2d>, grown: u64) {
         for part in texture.footprint().parts {
-            let is_shared = part.name == PUBLIC;
+            let is_shared = part.name == PUBLIC_PART;
             let (memory, disk) = if is_shared { (grown, grown) } else { (part.bits_memory, part.bits_disk) };
             match self.parts.iter_mut().find(|known| known.name == part.name) {
                 Some(known) => {
@@ -89,6 +87,19 @@ impl Sums {
             bpp: self.counted as f64 / self.texels.max(1) as f64,
             worst_block_rms: self.quality.worst_block_rms,
         }
+    }
+
+    /// How many blocks of tiles by texel use codebooks.
+    pub(super) fn shares(&self) -> String {
+        let count = |index: usize| self.tiles.iter().map(|tile| tile.blocks[index]).sum::<u64>();
+        let all = count(2).max(1) as f64;
+        let rows: u32 = self.tiles.iter().map(|tile| tile.grown_rows).sum();
+        format!(
+            "{} tiles; {:.0}% of the blocks use public content and {:.0}% the tiles' own; the public codebooks grew by {rows} rows.",
+            self.tiles.len(),
+            100.0 * count(0) as f64 / all,
+            100.0 * count(1) as f64 / all
+        )
     }
 
     /// The row of an image of that size.

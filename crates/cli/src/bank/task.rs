@@ -1,10 +1,6 @@
-//! Images on their way into a bank: what is to be added, where it goes, and what it leaves behind.
+//! Images that are to be in a bank.
 
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-
-use texfold_progressive::Codebook;
+use std::path::PathBuf;
 
 use crate::compress::add_file;
 use crate::error::CliError;
@@ -19,33 +15,6 @@ pub(crate) struct BankTask {
     pub(crate) category: Option<String>,
     pub(crate) settings: Settings,
 }
-
-/// Where an image comes to lie in a bank.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Place<'p> {
-    /// The bank's folder.
-    pub(super) dir: &'p Path,
-    /// Number of its first file.
-    pub(super) first: u32,
-    /// Categories of its tiles, row by row.
-    pub(super) categories: &'p [usize],
-    pub(super) limit_bytes: u64,
-    /// Reference value of errors: [`texfold_core::image::Raster::peak`].
-    pub(super) peak: f32,
-}
-
-/// A category with the codebook that an image leaves it with.
-#[derive(Debug)]
-pub(super) struct Grown {
-    pub(super) number: usize,
-    pub(super) tiles: u32,
-    pub(super) book: Option<Arc<Codebook>>,
-    /// File and rows, where it has grown.
-    pub(super) file: Option<(String, u32)>,
-}
-
-/// Public codebooks by category.
-pub(crate) type Books = HashMap<usize, Option<Arc<Codebook>>>;
 
 impl BankTask {
     /// Hash of all that the stored form depends on, but the bank's codebooks.

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use texfold::bank::{LEAST_SIDE as LEAST, TILE_SIDE as TILE, cuts};
+use texfold::bank::{LEAST_SIDE as LEAST, TILE_SIDE as TILE, around, cuts};
+use texfold_core::ImageSize;
 use texfold_core::image::Raster;
-use texfold_core::{ImageSize, Texel};
 use texfold_progressive::APRON;
 
 use crate::error::CliError;
@@ -29,24 +29,18 @@ pub(crate) struct Cut<'b> {
 }
 
 impl Cut<'_> {
-    /// The tile with [`APRON`] texels on each side; beyond the image those of its edge. `None` of an image in one tile.
-    pub(crate) fn around(&self) -> Result<Option<Raster>, CliError> {
-        let (size, (band, top)) = (self.tile.size(), self.band);
-        if size == self.image {
+    /// The tile with at most [`APRON`] texels on each side; beyond the image those of its edge. `None` of an image in one tile.
+    pub(crate) fn around(&self, apron: u32) -> Result<Option<Raster>, CliError> {
+        let (ImageSize { width, height }, (band, top)) = (self.tile.size(), self.band);
+        if self.tile.size() == self.image {
             return Ok(None);
         }
-        let first = self.place.0.saturating_sub(APRON);
-        let end = (self.place.0 + size.width + APRON).min(self.image.width);
-        let texels = band.cut(first, end - first)?;
-        let (width, height) = (size.width + 2 * APRON, size.height + 2 * APRON);
-        let clamped = |at: u32, start: u32, count: u32| (at + start).saturating_sub(APRON).min(count - 1);
-        let texel = |i: u32| {
-            let x = clamped(i % width, self.place.0 - first, end - first);
-            texels.texel(x, clamped(i / width, top, band.rows()))
-        };
-        let all: Vec<Texel> = (0..width * height).map(texel).collect();
-        let around = Raster::from_texels(width, height, texels.info(), &all);
-        around.map(Some).map_err(|source| CliError::Source { path: band.path().to_owned(), source })
+        let columns = around((self.place.0, width), apron, self.image.width);
+        let rows: Vec<u32> = (top..top + height + 2 * apron).map(|row| row.saturating_sub(apron)).collect();
+        let (first, last) = (columns[0], columns[columns.len() - 1]);
+        let texels = band.cut(first, last + 1 - first)?;
+        let columns: Vec<u32> = columns.iter().map(|column| column - first).collect();
+        Ok(Some(texels.pick(&columns, &rows)))
     }
 }
 
@@ -98,7 +92,7 @@ mod tests {
             let settings = Options::of_pixels(Some(ColorName::Srgb), None).resolve(&path).unwrap();
             let mut places = Vec::new();
             let size = each(&path, &settings, 1 << 32, &mut Remarks::default(), |cut| {
-                let ((left, top), around) = (cut.place, cut.around()?.unwrap());
+                let ((left, top), around) = (cut.place, cut.around(APRON)?.unwrap());
                 places.push(cut.place);
                 let source =
                     |at: u32, start: u32, count: u32| (start + at).saturating_sub(APRON).min(count - 1);

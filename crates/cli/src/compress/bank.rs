@@ -3,9 +3,11 @@
 use std::collections::HashSet;
 use std::path::Path;
 
+use texfold::bank::Codebooks;
+
 use super::task::{Finished, Workplace};
 use super::{Work, schedule, settle};
-use crate::bank::{Add, BankTask, Books, Made, Open, Step, plan};
+use crate::bank::{Add, BankTask, Made, Open, Step, plan};
 use crate::error::{CliError, guarded};
 use crate::report::Entry;
 
@@ -17,7 +19,7 @@ const MOST_BYTES: u64 = 1 << 30;
 struct Ready<'r> {
     task: &'r BankTask,
     add: &'r Add,
-    books: Result<Books, CliError>,
+    books: Result<Codebooks, CliError>,
 }
 
 /// Adds all images to the bank in `out`; entries are in the order of the tasks, each with whether it was up to date.
@@ -39,7 +41,7 @@ pub(super) fn add_all(
         let wave = next_wave(&mut steps, jobs);
         let (now, later) = rest.split_at(wave.len());
         rest = later;
-        let made = make(&mut open, now, &wave, jobs, place);
+        let made = make(&open, now, &wave, jobs, place);
         for ((task, step), made) in now.iter().zip(wave).zip(made) {
             let finished = match (step, made) {
                 (Step::Known(row), _) => Ok(Finished { row: *row, skipped: true }),
@@ -83,7 +85,7 @@ fn next_wave(steps: &mut std::iter::Peekable<impl Iterator<Item = Step>>, jobs: 
 
 /// Encodes the images of a wave; `None` for those that need no encoding.
 fn make(
-    open: &mut Open,
+    open: &Open,
     tasks: &[&Work],
     wave: &[Step],
     jobs: usize,

@@ -428,11 +428,6 @@ impl Band {
         }
     }
 
-    /// Number of rows.
-    pub(crate) fn rows(&self) -> u32 {
-        self.rows
-    }
-
     /// Its last `rows` rows.
     fn last(mut self, rows: u32) -> Band {
         let row = self.width as usize * usize::from(self.channels);
@@ -442,11 +437,6 @@ impl Band {
             Samples::Sixteen(own) => drop(own.drain(..first)),
         }
         Band { rows: self.rows.min(rows), ..self }
-    }
-
-    /// The file.
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
     }
 
     /// The raster of some columns.

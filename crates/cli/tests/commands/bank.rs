@@ -7,9 +7,11 @@ use std::time::{Duration, Instant};
 use image::{DynamicImage, ExtendedColorType};
 use serde_json::Value;
 use texfold::bank::{Bank, BankError, BankWriter, NewImage, WriteError};
-use texfold::core::{Rect, RegionError, Texel};
+use texfold::core::{Rect, RegionError, Stage, Texel};
 use texfold::dct::Dct;
-use texfold::{Effort, EncodeSettings, Goal};
+use texfold::progressive::Progressive;
+use texfold::{Effort, EncodeSettings, Goal, Job};
+use texfold_testkit::strokes;
 
 use crate::support::{Place, Run, names, psnr};
 
@@ -426,6 +428,68 @@ fn the_library_writes_what_the_program_writes_and_each_reads_the_other() {
     let (run, _) = add(&place, "in --codec dct --psnr 30 --effort fast --force --out library");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert_eq!(manifest(&place, "library")["images"].as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn public_codebooks_grow_by_the_library_as_by_the_program() {
+    let place = Place::new();
+    for (name, seed) in [("a", 0), ("b", 1)] {
+        let image = strokes((1320, 192), seed, 12);
+        let bytes = image.to_bytes();
+        image::save_buffer(place.at(&format!("{name}.png")), &bytes, 1320, 192, ExtendedColorType::Rgb8)
+            .unwrap();
+        let (run, _) =
+            add(&place, &format!("{name}.png --codec progressive --category s --bpp 0.3 --out program"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let mut bank: BankWriter = BankWriter::open(&place.at("library")).unwrap();
+        let settings = EncodeSettings { goal: Goal::Bpp(0.3), ..EncodeSettings::default() };
+        let new = NewImage { name, key: name, category: Some("s"), ..NewImage::default() };
+        let mut stages = Vec::new();
+        let mut progress = |stage: Stage| stages.push(stage.done);
+        let mut job = Job::default().with_progress(&mut progress);
+        let params = settings.params::<Progressive>();
+        assert!(bank.add_texels(&new, &image, &params, &mut job).unwrap());
+        assert!(!bank.add_texels(&new, &image, &params, &mut job).unwrap());
+        assert!(stages.is_sorted() && stages.iter().any(|&done| done > 0.6), "two tiles: {stages:?}");
+    }
+    let files = |bank: &str| {
+        let files = bank_files(&place, bank).into_iter().filter(|(name, _)| name.ends_with("txf"));
+        files.collect::<Vec<_>>()
+    };
+    assert!(files("program") == files("library"));
+    let rows = |pointer: &str| manifest(&place, "library").pointer(pointer).unwrap().as_u64().unwrap();
+    assert_eq!(rows("/version"), 1);
+    let (first, second) = (rows("/images/0/tiles/0/grown_rows"), rows("/images/1/tiles/0/blocks/0"));
+    assert!(
+        first > 0 && second > 0,
+        "{first} rows from the first image, {second} blocks of the second use it"
+    );
+    assert_eq!(rows("/categories/0/tiles"), 4);
+    assert!(files("library").iter().filter(|(name, _)| name.starts_with("category")).count() >= 1);
+    let row = |bank: &str, image: usize| manifest(&place, bank)["images"][image]["row"].clone();
+    for (field, image) in [
+        "psnr",
+        "rms",
+        "worst_block_rms",
+        "bits_memory",
+        "bits_disk",
+        "bpp_resident",
+        "goal_met",
+        "codec",
+        "access",
+    ]
+    .into_iter()
+    .flat_map(|field| [(field, 0), (field, 1)])
+    {
+        assert_eq!(row("program", image)[field], row("library", image)[field], "{field} {image}");
+    }
+    let bank: Bank = Bank::open(&place.at("library")).unwrap();
+    let mut texels = vec![Texel::ZERO; 40 * 40];
+    let rect = Rect { image: 0, level: 0, x: 1004, y: 100, width: 40, height: 40 };
+    bank.decode(1, rect, &mut texels).unwrap();
+    let original = strokes((1320, 192), 1, 12).crop(rect);
+    let error: f32 = texels.iter().zip(original.texels()).map(|(a, b)| (*a - b).x.powi(2)).sum();
+    assert!(error / 1600.0 < 0.01, "{error}");
 }
 
 #[test]

@@ -135,7 +135,7 @@ pub fn search_blocks<S: TileSource>(
 ) -> Result<(u16, bool), S::Error> {
     search_tiles(params, seen, |step| {
         let mut all = StepErrors::default();
-        source.each_tile(&mut |SourceTile { texels, .. }| {
+        source.each_tile(0, &mut |SourceTile { texels, .. }| {
             let errors = step_errors(&block_source(texels, seen.peak), params, step);
             all = all.and(errors.map_err(WriteError::from)?);
             Ok(())
@@ -156,7 +156,7 @@ pub fn encode_blocks<S: TileSource>(
     seen: &Seen,
     mut take: impl FnMut((u32, u32), ImageSet, DctImages) -> Result<(), S::Error>,
 ) -> Result<ImageSize, S::Error> {
-    source.each_tile(&mut |SourceTile { place, texels }| {
+    source.each_tile(0, &mut |SourceTile { place, texels, .. }| {
         let set = block_source(texels, seen.peak);
         let images = block_tile(&set, params, step, met).map_err(WriteError::from)?;
         take(place, set, images)

@@ -17,6 +17,13 @@ pub fn cuts(length: u32) -> impl Iterator<Item = (u32, u32)> {
     })
 }
 
+/// The columns of a tile that begins at `start` with `apron` more on each side, beyond an image of `whole` columns those of its edge; or
+/// the rows.
+#[must_use]
+pub fn around((start, length): (u32, u32), apron: u32, whole: u32) -> Vec<u32> {
+    (start..start + length + 2 * apron).map(|at| at.saturating_sub(apron).min(whole - 1)).collect()
+}
+
 /// The tiles of an image of that size, row by row.
 #[must_use]
 pub fn tile_rects(size: ImageSize) -> Vec<Rect> {
@@ -29,6 +36,13 @@ pub fn tile_rects(size: ImageSize) -> Vec<Rect> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_surrounds_a_tile_ends_at_the_edge_of_the_image() {
+        assert_eq!(around((0, 3), 2, 6), [0, 0, 0, 1, 2, 3, 4]);
+        assert_eq!(around((3, 3), 2, 6), [1, 2, 3, 4, 5, 5, 5]);
+        assert_eq!(around((2, 2), 0, 6), [2, 3]);
+    }
 
     #[test]
     fn tiles_cover_all_and_none_is_narrow() {

@@ -24,6 +24,7 @@ mod category;
 mod cuts;
 mod error;
 mod report;
+mod texels;
 mod whole;
 
 use std::collections::HashSet;
@@ -34,8 +35,9 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use texfold_core::container::SectionWriter;
 use texfold_core::image::{Depth, Raster};
-use texfold_core::{Encoded, Image2d, ImageSize, MAX_IMAGE_SIDE};
+use texfold_core::{Access, Encoded, Image2d, ImageSize, Job, MAX_IMAGE_SIDE};
 use texfold_dct::DctParams;
+use texfold_progressive::ProgressiveParams;
 
 #[doc(hidden)]
 pub use self::blocks::without_plain_alpha;
@@ -43,13 +45,14 @@ pub use self::blocks::{
     StepErrors, block_source, block_tile, encode_blocks, search_blocks, search_tiles, step_errors,
 };
 pub use self::category::{Categories, colours};
-pub use self::cuts::{LEAST_SIDE, TILE_SIDE, cuts, tile_rects};
+pub use self::cuts::{LEAST_SIDE, TILE_SIDE, around, cuts, tile_rects};
 pub use self::error::WriteError;
 pub use self::report::{Report, Sums};
+pub use self::texels::{Codebooks, Grown, TexelTile, TexelTiles};
 use self::whole::write_whole;
 #[doc(hidden)]
 pub use self::whole::{remove_stale, write_and_rename};
-use super::{Bank, Category, Image, MANIFEST, Manifest, Tile, is_device, is_printable};
+use super::{Bank, BankError, Category, Image, MANIFEST, Manifest, Tile, is_device, is_printable};
 
 /// Name of the file that is locked while images are added.
 const LOCK: &str = "bank.lock";
@@ -59,12 +62,13 @@ pub trait TileSource {
     /// Causes for which it cannot be read.
     type Error: From<WriteError>;
 
-    /// Hands its tiles ([`tile_rects`]) to `take`, row by row; its size.
+    /// Hands its tiles ([`tile_rects`]) to `take`, row by row, with `apron` texels around each; its size.
     ///
     /// # Errors
     /// Its own, and whatever `take` returns, at once.
     fn each_tile(
         &self,
+        apron: u32,
         take: &mut dyn FnMut(SourceTile) -> Result<(), Self::Error>,
     ) -> Result<ImageSize, Self::Error>;
 }
@@ -76,6 +80,8 @@ pub struct SourceTile {
     pub place: (u32, u32),
     /// Its texels.
     pub texels: Raster,
+    /// The tile with the texels around it ([`around`]), where they are asked for and the image is more than this tile.
+    pub around: Option<Raster>,
 }
 
 impl TileSource for Raster {
@@ -83,12 +89,18 @@ impl TileSource for Raster {
 
     fn each_tile(
         &self,
+        apron: u32,
         take: &mut dyn FnMut(SourceTile) -> Result<(), WriteError>,
     ) -> Result<ImageSize, WriteError> {
-        for rect in tile_rects(self.size()) {
-            take(SourceTile { place: (rect.x, rect.y), texels: self.crop(rect) })?;
+        let size = self.size();
+        for rect in tile_rects(size) {
+            let more = apron > 0 && (rect.width, rect.height) != (size.width, size.height);
+            let columns = || around((rect.x, rect.width), apron, size.width);
+            let rows = || around((rect.y, rect.height), apron, size.height);
+            let around = more.then(|| self.pick(&columns(), &rows()));
+            take(SourceTile { place: (rect.x, rect.y), texels: self.crop(rect), around })?;
         }
-        Ok(self.size())
+        Ok(size)
     }
 }
 
@@ -228,8 +240,9 @@ impl<Row> BankWriter<Row> {
 }
 
 impl<Row: Serialize + Clone> BankWriter<Row> {
-    /// Lists an image whose files are written, in the place of one of its name: from then on it counts. `change` may change
-    /// categories; `next` is the number of the first file that is not the image's. The files of an image before it are removed after that.
+    /// Lists an image whose files are written, in the place of one of its name: from then on it counts. `grown` are the categories that its tiles
+    /// join; `next` is the number of the first file that is not the image's. The tiles of an image before it are removed after that; what it added to
+    /// codebooks stays, as others may use it.
     ///
     /// # Errors
     /// [`WriteError::Entry`], [`WriteError::Write`].
@@ -238,10 +251,10 @@ impl<Row: Serialize + Clone> BankWriter<Row> {
         image: Image<Row>,
         next: u32,
         has_blocks: impl Fn(&Image<Row>) -> bool,
-        change: impl FnOnce(&mut [Category]),
+        grown: &[Grown],
     ) -> Result<(), WriteError> {
         let mut manifest = self.bank.manifest().clone();
-        change(&mut manifest.categories);
+        grown.iter().for_each(|grown| grown.enter(&mut manifest.categories));
         let same = manifest.images.iter_mut().find(|known| known.name == image.name);
         let before = match same {
             Some(known) => std::mem::replace(known, image).tiles,
@@ -290,30 +303,70 @@ impl BankWriter<Report> {
         source: &S,
         params: &DctParams,
     ) -> Result<bool, S::Error> {
-        if !self.is_new(image)? {
-            return Ok(false);
-        }
-        let mut seen = Seen::default();
-        let size = source.each_tile(&mut |tile| {
-            seen.add(&tile.texels);
-            Ok(())
-        })?;
-        check_size(size)?;
-        let categories = self.categories_for(image, &seen)?;
+        let Some((seen, categories)) = self.begin(image, source)? else { return Ok(false) };
         let found = search_blocks(source, params, &seen)?;
         let dir = self.bank.dir().to_owned();
         let first = self.bank.manifest().next;
         let (mut sums, mut tiles, mut next) = (Sums::default(), Vec::new(), first);
         let size = encode_blocks(source, params, found, &seen, |place, set, images| {
             let category = *categories.get(tiles.len()).ok_or(WriteError::Changed)?;
-            sums.add(&set, &images);
+            sums.add(&set, &images, 0);
             let size = set.images()[0].size();
             tiles.push(block_tile_entry(write_tile(&images, &dir, &mut next)?, place, size, category));
             Ok(())
         })?;
         let end = first + 2 * categories.len() as u32;
-        self.list_blocks(image, (size, tiles), &sums.report(found.1), end)?;
+        self.list_blocks(image, (size, tiles), &sums.report(Access::Block, Some(found.1)), end)?;
         Ok(true)
+    }
+
+    /// Adds an image by texel: each tile meets the goal by itself, with the public codebook of its category, which grows by what is new in
+    /// it. The image is read twice. False where an image of the same name and key is there already.
+    ///
+    /// # Errors
+    /// [`WriteError`], and those of the source.
+    pub fn add_texels<S: TileSource>(
+        &mut self,
+        image: &NewImage<'_>,
+        source: &S,
+        params: &ProgressiveParams,
+        job: &mut Job<'_>,
+    ) -> Result<bool, S::Error> {
+        let Some((seen, categories)) = self.begin(image, source)? else { return Ok(false) };
+        let books = categories.iter().map(|&number| Ok((number, self.bank.codebook(number)?)));
+        let codebooks = books.collect::<Result<Codebooks, BankError>>().map_err(WriteError::from)?;
+        let (dir, first) = (self.bank.dir().to_owned(), self.bank.manifest().next);
+        let Seen { peak, .. } = seen;
+        let encode =
+            TexelTiles { params, dir: &dir, first, peak, categories: &categories, codebooks: &codebooks };
+        let (mut sums, mut tiles) = (Sums::default(), Vec::new());
+        let (size, grown) = encode.encode(source, job, |tile| {
+            sums.add(&tile.source, &tile.texture, tile.grown_bits);
+            tiles.push(tile.entry);
+            Ok(())
+        })?;
+        let end = first + 2 * categories.len() as u32;
+        self.list_tiles(image, (size, tiles), &sums.report(Access::Texel, None), end, &grown)?;
+        Ok(true)
+    }
+
+    /// What is seen of an image that is to be added, and the categories of its tiles; `None` of one that is there already.
+    fn begin<S: TileSource>(
+        &mut self,
+        image: &NewImage<'_>,
+        source: &S,
+    ) -> Result<Option<(Seen, Vec<usize>)>, S::Error> {
+        if !self.is_new(image)? {
+            return Ok(None);
+        }
+        let mut seen = Seen::default();
+        let size = source.each_tile(0, &mut |tile| {
+            seen.add(&tile.texels);
+            Ok(())
+        })?;
+        check_size(size)?;
+        let categories = self.categories_for(image, &seen)?;
+        Ok(Some((seen, categories)))
     }
 
     /// Whether an image is to be added: false where it is there already.
@@ -364,7 +417,18 @@ impl BankWriter<Report> {
         report: &Report,
         end: u32,
     ) -> Result<(), WriteError> {
-        let joined: Vec<u32> = tiles.iter().map(|tile| tile.category).collect();
+        let joined: Vec<usize> = tiles.iter().map(|tile| tile.category as usize).collect();
+        self.list_tiles(image, (size, tiles), report, end, &Grown::of_tiles(&joined))
+    }
+
+    fn list_tiles(
+        &mut self,
+        image: &NewImage<'_>,
+        (size, tiles): (ImageSize, Vec<Tile>),
+        report: &Report,
+        end: u32,
+        grown: &[Grown],
+    ) -> Result<(), WriteError> {
         let image = Image {
             name: image.name.to_owned(),
             key: image.key.to_owned(),
@@ -376,9 +440,7 @@ impl BankWriter<Report> {
             tiles,
             row: report.clone(),
         };
-        self.list(image, end, Report::is_by_block, |categories| {
-            joined.iter().for_each(|&category| categories[category as usize].tiles += 1);
-        })
+        self.list(image, end, Report::is_by_block, grown)
     }
 }
 

@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use texfold_core::image::ImageSet;
 use texfold_core::metric::{Quality, SquaredError, quality};
-use texfold_core::{Access, Encoded, Image2d, TextureCodec};
+use texfold_core::{Access, Encoded, Image2d, Part, TextureCodec};
+use texfold_progressive::PUBLIC_PART;
 
 use super::super::Image;
 
@@ -72,17 +73,20 @@ pub struct Sums {
 }
 
 impl Sums {
-    /// Takes a tile by block in.
-    pub fn add(&mut self, source: &ImageSet, texture: &dyn Encoded<Domain = Image2d>) {
-        let (memory, layout) = (texture.memory(), texture.layout());
+    /// Takes a tile in. Of a public codebook, which tiles share, `grown` bits count: those that this one added.
+    pub fn add(&mut self, source: &ImageSet, texture: &dyn Encoded<Domain = Image2d>, grown: u64) {
+        let (memory, layout, parts) = (texture.memory(), texture.layout(), texture.footprint().parts);
+        let bits = |of: fn(&Part) -> u64| -> u64 {
+            parts.iter().map(|part| if part.name == PUBLIC_PART { grown } else { of(part) }).sum()
+        };
         let Quality { color, worst_block_rms, .. } = quality(source, texture);
         *self = self.and(Sums {
             color: (color.sum, color.count),
             worst_block_rms,
             texels: source.texel_count(),
-            memory: memory.compressed,
+            memory: bits(|part| part.bits_memory),
             resident: memory.resident,
-            disk: texture.footprint().parts.iter().map(|part| part.bits_disk).sum(),
+            disk: bits(|part| part.bits_disk),
             channels: layout.pixel.channels,
             levels: layout.levels,
         });
@@ -115,14 +119,18 @@ impl Sums {
         }
     }
 
-    /// The row of an image by block.
+    /// The row of an image; `goal_met` is of one by block, as tiles by texel meet the goal one by one.
     #[must_use]
-    pub fn report(&self, goal_met: bool) -> Report {
+    pub fn report(&self, access: Access, goal_met: Option<bool>) -> Report {
+        let codec = match access {
+            Access::Block => texfold_dct::Dct::ID,
+            Access::Texel => texfold_progressive::Progressive::ID,
+        };
         let a_texel = |bits: u64| bits as f64 / self.texels.max(1) as f64;
         let color = SquaredError { sum: self.color.0, count: self.color.1 };
         Report {
-            codec: texfold_dct::Dct::ID.name.to_owned(),
-            access: Access::Block.name().to_owned(),
+            codec: codec.name.to_owned(),
+            access: access.name().to_owned(),
             source_texels: self.texels,
             bpp_memory: a_texel(self.memory),
             bpp_resident: a_texel(self.resident),
@@ -133,7 +141,7 @@ impl Sums {
             psnr: color.psnr(),
             rms: color.rms(),
             worst_block_rms: self.worst_block_rms,
-            goal_met: Some(goal_met),
+            goal_met,
             channels: self.channels,
             levels: self.levels,
             other: Map::new(),

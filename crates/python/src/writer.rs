@@ -7,13 +7,14 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use texfold::bank::{
-    BankWriter as Writer, NewImage, Seen, StepErrors, Sums, WriteError, block_source, block_tile,
-    block_tile_entry, check_size, search_tiles, step_errors, tile_file,
+    BankWriter as Writer, NewImage, Seen, SourceTile, StepErrors, Sums, TileSource, WriteError, block_source,
+    block_tile, block_tile_entry, check_size, search_tiles, step_errors, tile_file, tile_rects,
 };
 use texfold::core::metric::SquaredError;
-use texfold::core::{Access, EncodeError, ImageSize};
+use texfold::core::{Access, EncodeError, ImageSize, Rect};
 use texfold::dct::{Dct, DctParams};
-use texfold::{Depth, EncodeSettings, ImageSet};
+use texfold::progressive::Progressive;
+use texfold::{Depth, EncodeSettings, ImageSet, Job, Raster};
 
 use crate::encode::{Options, Pixels, named, raster_of};
 use crate::error::{encode_error, load_error, write_error};
@@ -34,10 +35,58 @@ fn new_image((name, key, category, georeference, replaces): &New) -> NewImage<'_
 
 impl BankWriter {
     fn with<T>(&self, work: impl FnOnce(&mut Writer) -> Result<T, WriteError>) -> PyResult<T> {
-        let mut held: MutexGuard<'_, Option<Writer>> = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let writer =
-            held.as_mut().ok_or_else(|| PyValueError::new_err("the bank is closed; open it again"))?;
-        work(writer).map_err(|error| raised(&error))
+        work(self.held().as_mut().ok_or_else(closed)?).map_err(|error| raised(&error))
+    }
+
+    fn held(&self) -> MutexGuard<'_, Option<Writer>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn closed() -> PyErr {
+    PyValueError::new_err(
+        "the bank is closed, or another thread adds an image; open it again, or wait for its end",
+    )
+}
+
+/// An image whose tiles a callback gives.
+struct Tiles {
+    size: ImageSize,
+    tile: Py<PyAny>,
+    options: Options,
+}
+
+impl Tiles {
+    fn read(&self, Rect { x, y, width, height, .. }: Rect, apron: u32) -> PyResult<Raster> {
+        Python::attach(|py| {
+            py.check_signals()?;
+            let found = self.tile.call1(py, (x, y, width, height, apron))?;
+            raster_of(&found.extract(py)?, named(&self.options.color)?, &self.options.alpha)
+        })
+    }
+}
+
+impl TileSource for Tiles {
+    type Error = Fault;
+
+    fn each_tile(
+        &self,
+        apron: u32,
+        take: &mut dyn FnMut(SourceTile) -> Result<(), Fault>,
+    ) -> Result<ImageSize, Fault> {
+        for rect in tile_rects(self.size) {
+            let (place, Rect { width, height, .. }) = ((rect.x, rect.y), rect);
+            let is_whole = (ImageSize { width, height }) == self.size;
+            let tile = if apron == 0 || is_whole {
+                SourceTile { place, texels: self.read(rect, 0)?, around: None }
+            } else {
+                let around = self.read(rect, apron)?;
+                let texels = around.crop(Rect { x: apron, y: apron, ..rect });
+                SourceTile { place, texels, around: Some(around) }
+            };
+            take(tile)?;
+        }
+        Ok(self.size)
     }
 }
 
@@ -59,7 +108,7 @@ impl BankWriter {
 
     /// Gives the lock back.
     fn close(&self) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+        self.held().take();
     }
 
     /// Whether an image is not there yet.
@@ -73,6 +122,27 @@ impl BankWriter {
         self.with(|writer| {
             Ok((writer.bank().manifest().next, writer.categories_for(&new_image(&image), &seen)?))
         })
+    }
+
+    /// Adds an image of that width and height by texel. `tile` gives the texels of a rectangle: of a column, a row, a width and a height, and
+    /// so many texels more on each side, beyond the image those of its edge.
+    fn add_texels(
+        &self,
+        py: Python<'_>,
+        image: New,
+        size: (u32, u32),
+        tile: Py<PyAny>,
+        options: Options,
+    ) -> PyResult<()> {
+        let params = options.settings()?.params::<Progressive>();
+        let source = Tiles { size: ImageSize { width: size.0, height: size.1 }, tile, options };
+        // Taken out, so that no thread waits for it while this one waits for the interpreter.
+        let mut writer = self.held().take().ok_or_else(closed)?;
+        let added = py
+            .detach(|| writer.add_texels(&new_image(&image), &source, &params, &mut Job::default()))
+            .map_err(|Fault(error)| error);
+        *self.held() = Some(writer);
+        added.map(drop)
     }
 
     /// Lists an image of that width and height whose tiles are written under the names of [`tile_name`] from `first` on.

@@ -55,6 +55,52 @@ def test_a_cluster_writes_what_one_process_writes(tmp_path):
     assert files(tmp_path / "one") == files(tmp_path / "threads")
 
 
+def strokes(rows, columns, seed):
+    """Strokes that recur: an array, turned, of cells of 32 texels."""
+    y, x = np.mgrid[:rows, :columns]
+    kind, a, b = (x // 32 * 7 + y // 32 * 13 + seed * 5) % 4, x % 32, y % 32
+    a, b = np.select([kind == 0, kind == 1], [a, 31 - b], b), np.select([kind == 0, kind == 1], [b, a], 31 - a)
+    stroke = (a * a // 9 + 3 * b + a * b // 17) % 23 < 9
+    return np.repeat((60 + (x + y) // 10 + 50 * stroke).astype(np.uint8)[:, :, None], 3, 2)
+
+
+def test_images_by_texel_share_a_codebook(tmp_path):
+    for name, seed in [("a", 0), ("b", 1)]:
+        image = strokes(192, 1320, seed)
+        for folder, array in [("one", image), ("dask", da.from_array(image, chunks=(100, 333, 3)))]:
+            assert add(tmp_path / folder, name, array, codec="progressive", bpp=0.5, effort="normal", mips=False, category="s")
+    assert files(tmp_path / "one") == files(tmp_path / "dask")
+    images = json.loads((tmp_path / "one" / "bank.json").read_bytes())["images"]
+    (first, _), (second, _) = (image["tiles"] for image in images)
+    assert first["grown_rows"] > 0 and second["blocks"][0] > 0, "the second uses what the first brought"
+    # What surrounds a tile is of the image: no step where tiles meet.
+    bank = texfold.Bank(tmp_path / "one")
+    assert bank.shape("b") == (192, 1320, 3) and texfold.psnr(image, bank.read("b")) > 25
+    error = np.abs(bank.read("b").astype(int) - image)
+    assert error[:, 1016:1032].mean() < 1.5 * error.mean()
+
+
+def test_a_tile_that_fails_by_texel_leaves_the_bank_as_it_was(tmp_path):
+    add(tmp_path, "land", land(64, 64))
+    before = files(tmp_path)
+    broken = da.map_blocks(fail_at_the_second, da.from_array(land(64, 1300), chunks=(64, 1100, 3)), meta=np.zeros((0, 0, 0), np.uint8))
+    with texfold.BankWriter(tmp_path) as bank:
+        with pytest.raises(OSError, match="the store failed"):
+            bank.add("bad", broken, codec="progressive", effort="fast")
+        with pytest.raises(ValueError, match="dct, progressive"):
+            bank.add("bad", land(64, 64), codec="vq")
+        assert bank.add("good", land(64, 64), codec="progressive", effort="fast")
+    found = files(tmp_path)
+    assert all(found[name] == data for name, data in before.items() if name != "bank.json")
+    assert texfold.Bank(tmp_path).names == ["land", "good"]
+
+
+def fail_at_the_second(block):
+    if block.shape[1] == 200:
+        raise OSError("the store failed")
+    return block
+
+
 @pytest.mark.filterwarnings("ignore:Sending large graph")
 def test_tiles_of_killed_workers_run_again(tmp_path):
     distributed = pytest.importorskip("distributed")

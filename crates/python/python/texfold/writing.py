@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import functools
 import hashlib
 import json
 import os
@@ -32,9 +33,9 @@ Run = Callable[[Callable[..., Any], Sequence[tuple]], list]
 
 
 class BankWriter:
-    """A bank in a folder that images are added to, by block; it is begun where there is none. One process at a time has it: use it in
-    a ``with`` statement, or close it. An image is there whole or not at all, however the process ends; added again, it goes on where that
-    ended.
+    """A bank in a folder that images are added to; it is begun where there is none. One process at a time has it: use it in
+    a ``with`` statement, or close it. An image is there whole or not at all, however the process ends; added again by block, it goes on where
+    that ended.
 
     Raises
     ------
@@ -63,6 +64,7 @@ class BankWriter:
         name: str,
         image: Any,
         *,
+        codec: str = "dct",
         psnr: float | None = None,
         bpp: float | None = None,
         tolerance: float | None = None,
@@ -76,8 +78,7 @@ class BankWriter:
         key: str | None = None,
         replace: bool = False,
     ) -> bool:
-        """Adds an image, in tiles of 1024 texels a side that share the step with which the image as a whole meets its goal. Its files are
-        those of ``texfold bank add --codec dct``.
+        """Adds an image, in tiles of 1024 texels a side. Its files are those of ``texfold bank add``.
 
         Parameters
         ----------
@@ -87,6 +88,10 @@ class BankWriter:
             A numpy array of rows, columns and, unless it is gray, channels; ``uint8`` or ``uint16``; at most 32768 a side. Or a Dask array: workers read and
             encode its tiles, and write them to the folder, which they must reach. The array is computed some four times; what computes it
             must give the same each time.
+        codec
+            ``dct``: by block; tiles share the step with which the image as a whole meets its goal. ``progressive``: by texel; each tile meets the
+            goal, with a codebook of its category that tiles share and add to, one after another: this process encodes them, one tile of a Dask
+            array at a time, which is computed twice.
         psnr, bpp, tolerance, effort, metric, mips, color, alpha
             As of :func:`texfold.encode`.
         category
@@ -113,7 +118,9 @@ class BankWriter:
             Images or settings that the codec does not take.
         """
         goal, value = _goal(psnr=psnr, bpp=bpp, tolerance=tolerance)
-        options = {"codec": "dct", "goal": goal, "value": value, "effort": effort, "access": None, "metric": metric}
+        if codec not in ("dct", "progressive"):
+            raise ValueError(f"codec {codec!r}; give one of dct, progressive")
+        options = {"codec": codec, "goal": goal, "value": value, "effort": effort, "access": None, "metric": metric}
         options |= {"mips": bool(mips), "color": color, "alpha": alpha, "threads": None}
         image = image if _is_dask(image) else np.asarray(image)
         tiles, run = _tiles(image)
@@ -122,6 +129,10 @@ class BankWriter:
         new = (name, key, category, base64.b64encode(georeference).decode(), bool(replace))
         if not self._writer.is_new(new):
             return False
+        if codec == "progressive":
+            rows, columns = image.shape[:2]
+            self._writer.add_texels(new, (columns, rows), functools.partial(_around, image), options)
+            return True
         with _Job(self._folder, name, repr((key, image.shape, str(image.dtype), sorted(options.items(), key=str)))) as job:
             arrays = [array for _, array in tiles]
             colours, peak, found = job.kept(lambda: _step(arrays, options, run))
@@ -208,6 +219,15 @@ def _tiles(image: Any) -> tuple[list[tuple[tuple[int, int, int, int], Any]], Run
     chunks = (tuple(count for _, count in rows), tuple(count for _, count in columns), *((side,) for side in image.shape[2:]))
     blocks = image.rechunk(chunks).to_delayed().ravel()
     return list(zip(places, blocks)), lambda work, calls: list(compute(*(delayed(work)(*call) for call in calls)))
+
+
+def _around(image: Any, x: int, y: int, width: int, height: int, more: int) -> np.ndarray:
+    """Texels of a rectangle of an image, and so many more on each side; beyond the image those of its edge."""
+    rows, columns = image.shape[:2]
+    top, left = max(y - more, 0), max(x - more, 0)
+    part = _pixels(image[top : y + height + more, left : x + width + more])
+    beyond = ((top - y + more, max(y + height + more - rows, 0)), (left - x + more, max(x + width + more - columns, 0)), (0, 0))
+    return np.pad(part, beyond, mode="edge")
 
 
 def _key(image: Any, options: dict, category: str | None, georeference: bytes) -> str:

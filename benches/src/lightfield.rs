@@ -24,6 +24,7 @@ use texfold::{
     },
 };
 use texfold_benches::report::{Outcome, Table, cpu_seconds};
+use texfold_capture::read_image;
 use texfold_chart::{Axis, Chart, Kind, LARGE, Names, Point, Scale, Series};
 use texfold_gpu::{Gpu, Policy};
 use views::{Closeness, closeness};
@@ -60,8 +61,8 @@ fn main() -> Outcome<()> {
     let shared = || Some(texfold_testkit::data_dir("the light-field tables")?.join("slf/spot_gloss"));
     let Some(dir) = named.or_else(shared) else { return Ok(()) };
     std::fs::create_dir_all(&out)?;
-    let tests =
-        texfold_cli::read_views(&dir.join("transforms_test.json")).map_err(|error| error.to_string())?;
+    let tests = texfold_capture::read_views(&dir.join("transforms_test.json"), None, read_image)
+        .map_err(|error| error.to_string())?;
     let bench = Bench { dir, out, tests };
     let only = arguments.next();
     for (name, table) in [
@@ -120,7 +121,8 @@ struct Measured {
 
 impl Bench {
     fn capture(&self, triangles: Option<u32>) -> Outcome<Capture> {
-        Ok(texfold_cli::read_capture(&self.dir, triangles).map_err(|error| error.to_string())?)
+        Ok(texfold_capture::read(&self.dir, None, triangles, read_image)
+            .map_err(|error| error.to_string())?)
     }
 
     fn row(

@@ -35,7 +35,7 @@ const NAMED: [&str; 8] = ["criterion", "glam", "image", "kiddo", "ndarray", "ray
 const NUMERIC: [&str; 4] = ["bytemuck", "glam", "rayon", "thiserror"];
 
 /// Everything that packages may depend on. A codec knows core, bc and the crates of methods, never another codec.
-const ALLOWED: [Allowed; 25] = [
+const ALLOWED: [Allowed; 26] = [
     Allowed { package: "core", numeric: true, may: &["blake3", "pulp", "ruzstd", "zstd"] },
     Allowed { package: "bc", numeric: true, may: &["dds", "texfold-core", "texpresso"] },
     Allowed { package: "dct", numeric: true, may: &["texfold-bc", "texfold-core"] },
@@ -86,6 +86,22 @@ const ALLOWED: [Allowed; 25] = [
             "thiserror",
         ],
     },
+    Allowed {
+        package: "capture",
+        numeric: true,
+        may: &[
+            "base64",
+            "gltf",
+            "image",
+            "roxmltree",
+            "serde",
+            "serde-ply",
+            "serde_json",
+            "texfold",
+            "thiserror",
+            "tobj",
+        ],
+    },
     Allowed { package: "chart", numeric: false, may: &[] },
     Allowed { package: "shaders", numeric: true, may: &["texfold-core"] },
     Allowed {
@@ -120,12 +136,12 @@ const ALLOWED: [Allowed; 25] = [
             "percent-encoding",
             "png",
             "serde",
-            "serde-ply",
             "serde_json",
             "sysinfo",
             "tempfile",
             "texfold",
             "texfold-bc",
+            "texfold-capture",
             "texfold-chart",
             "texfold-codebook",
             "texfold-core",
@@ -137,7 +153,6 @@ const ALLOWED: [Allowed; 25] = [
             "tiff",
             "roxmltree",
             "tiny_http",
-            "tobj",
             "toml",
             // Levels of KTX2.
             "zstd",
@@ -151,6 +166,7 @@ const ALLOWED: [Allowed; 25] = [
             "image",
             "jpeg-encoder",
             "texfold",
+            "texfold-capture",
             "texfold-chart",
             "texfold-cli",
             "texfold-core",
@@ -187,7 +203,7 @@ const ALLOWED: [Allowed; 25] = [
     Allowed {
         package: "python",
         numeric: false,
-        may: &["glam", "numpy", "pyo3", "rayon", "texfold", "texfold-shaders"],
+        may: &["glam", "numpy", "pyo3", "rayon", "texfold", "texfold-capture", "texfold-shaders"],
     },
     // As "window", of a workspace of its own.
     Allowed {

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use crate::input::formats::FORMATS;
 use texfold::bank::BankError;
+use texfold_capture::CaptureError;
 use texfold_core::{EncodeError, LoadError, RegionError, SourceError};
 
 /// A command line or configuration that cannot be carried out: exit code 2, nothing is done.
@@ -146,8 +147,6 @@ pub(crate) enum CliError {
     RenderWhat { path: PathBuf, given: &'static str },
     #[error("{}: frame {index} is not of the first frame's size; crop the frames alike or give --as set", path.display())]
     FrameSize { path: PathBuf, index: usize },
-    #[error("{}: the mesh cannot be read; export it as OBJ, glTF or GLB again", path.display())]
-    Mesh { path: PathBuf, source: Box<dyn Error + Send + Sync> },
     #[error("{}: the name {name} has control characters, which a bank does not list; choose another", path.display())]
     ControlCharacters { path: PathBuf, name: String },
     #[error("{}: a device on Windows has this name, where a bank could not be read; rename the file", path.display())]
@@ -156,22 +155,10 @@ pub(crate) enum CliError {
     NotAFile { path: PathBuf, found: &'static str },
     #[error("{}: is a symbolic link to nothing; remove it or make its target", path.display())]
     DanglingLink { path: PathBuf },
-    #[error("{}: the mesh {what}; export it as triangles with texture coordinates", path.display())]
-    MeshContent { path: PathBuf, what: &'static str },
-    #[error("{}: the mesh {what}; export it as triangles in OBJ or PLY", path.display())]
-    ShapeContent { path: PathBuf, what: &'static str },
-    #[error("{}: the cameras cannot be read; write them as the cause says", path.display())]
-    Cameras { path: PathBuf, source: Box<dyn Error + Send + Sync> },
-    #[error("{}: the file of cameras {what}", path.display())]
-    CameraContent { path: PathBuf, what: &'static str },
-    #[error("{}: the camera of frame {frame} has a singular matrix or no focal length; calibrate it again", path.display())]
-    SingularCamera { path: PathBuf, frame: usize },
-    #[error("{}: there is no {name}; put the mesh there or give --mesh: one in the cameras' space, such as COLMAP's poisson_mesher, OpenMVS or Metashape make", path.display())]
-    NoMesh { path: PathBuf, name: String },
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
     #[error("{}: names {}, which lies outside of the folder; give --outside if that is meant", path.display(), file.display())]
     Outside { path: PathBuf, file: PathBuf },
-    #[error("{}: {width}x{height} pixels where its camera has {}x{}; scale the image or correct the cameras", path.display(), wanted.0, wanted.1)]
-    ImageSize { path: PathBuf, width: u32, height: u32, wanted: (u32, u32) },
     #[error("{}: is not a capture; give codec lightfield a folder with transforms.json (or a model of COLMAP, images.txt and cameras.txt or .bin, OpenMVS's .mvs, Metashape's .xml, or Middlebury's _par.txt), images and mesh.obj, .ply, .glb or .gltf", path.display())]
     NotCapture { path: PathBuf },
     #[error("{}: has no photographs to hold back; give a capture of {needed} and more, or transforms_test.json", path.display())]

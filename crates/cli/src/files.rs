@@ -14,13 +14,6 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>, CliError> {
     done.map(|_| bytes).map_err(|source| CliError::Read { path: path.to_owned(), source })
 }
 
-/// The first `count` bytes of a file, or as many as it has.
-pub(crate) fn read_head(path: &Path, count: u64) -> io::Result<Vec<u8>> {
-    let mut head = Vec::new();
-    open(path)?.take(count).read_to_end(&mut head)?;
-    Ok(head)
-}
-
 /// The text of a file, in UTF-8.
 pub(crate) fn read_text(path: &Path) -> Result<String, CliError> {
     open(path).and_then(io::read_to_string).map_err(|source| CliError::Read { path: path.to_owned(), source })

@@ -40,7 +40,6 @@ pub use config::{
 };
 pub use decompress::DecompressArgs;
 pub use info::InfoArgs;
-pub use input::capture::{read_capture, read_views};
 #[doc(hidden)]
 pub use input::foreign::{FOREIGN, read_foreign};
 pub use input::material::materials_of;

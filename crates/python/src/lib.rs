@@ -19,7 +19,7 @@ mod _texfold {
     #[pymodule_export]
     use super::gpu::Blocks;
     #[pymodule_export]
-    use super::light::{LightField, encode_light, open_light};
+    use super::light::{LightField, encode_light, open_light, read_capture};
     #[pymodule_export]
     use super::texture::{Texture, open, psnr, ssim};
     #[pymodule_export]

@@ -1,6 +1,7 @@
 //! Light fields: photographs with cameras and a mesh in, pictures out.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use glam::{Mat4, Vec2, Vec3};
 use numpy::{PyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
@@ -65,6 +66,28 @@ pub(crate) fn encode_light<'py>(
         Lightfield::encode(&capture, &params, job).map(|texture| texfold::file_of(&texture))
     };
     run(py, pool.as_ref(), progress.as_ref(), encode)
+}
+
+/// Pixels of a photograph in four channels, and its camera.
+type View<'py> = (Bound<'py, PyBytes>, Eye);
+
+/// Photographs, coordinates of vertices and vertices of triangles of a capture's folder.
+#[pyfunction]
+pub(crate) fn read_capture(
+    py: Python<'_>,
+    folder: PathBuf,
+    mesh: Option<PathBuf>,
+    most: Option<u32>,
+) -> PyResult<(Vec<View<'_>>, Vec<f32>, Vec<u32>)> {
+    let read = || texfold_capture::read(&folder, mesh.as_deref(), most, texfold_capture::read_image);
+    let Capture { mesh, views } = py.detach(read).map_err(|error| load_error(&error))?;
+    let view = |Photograph { camera, pixels }: Photograph| {
+        let Camera { width, height, focal, centre, to_world } = camera;
+        let eye = ((width, height), focal.into(), centre.into(), to_world.transpose().to_cols_array());
+        (PyBytes::new(py, pixels.as_flattened()), eye)
+    };
+    let positions = mesh.positions.iter().flat_map(|position| position.to_array()).collect();
+    Ok((views.into_iter().map(view).collect(), positions, mesh.triangles.into_flattened()))
 }
 
 /// A light field, read from a `.txf` file.

@@ -1,5 +1,7 @@
 """Light fields: arrays in, pictures out."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -104,6 +106,32 @@ def test_files_of_the_other_kind_are_refused(encoded):
         texfold.open_light(texfold.encode(np.zeros((8, 8), np.uint8)))
     with pytest.raises(texfold.LoadError):
         texfold.open_light(encoded[:100])
+
+
+def test_folders_of_captures_are_read(tmp_path):
+    seen = [camera._replace(centre=(25.0, 23.5)) for camera in cameras(3)]
+    images = [photograph(camera) for camera in seen]
+    vertices, triangles = sphere()
+    # TGA of 32 bits, rows from above.
+    head = bytes([0, 0, 2, *[0] * 9]) + np.array([SIDE, SIDE], "<u2").tobytes() + bytes([32, 0x28])
+    frames = []
+    for number, (image, camera) in enumerate(zip(images, seen)):
+        (tmp_path / f"{number}.tga").write_bytes(head + image[..., [2, 1, 0, 3]].tobytes())
+        frames.append({"file_path": f"{number}.tga", "transform_matrix": camera.to_world.tolist()})
+    lens = {"fl_x": 60.0, "cx": 25.0, "cy": 23.5}
+    (tmp_path / "transforms.json").write_text(json.dumps(lens | {"frames": frames}))
+    with pytest.raises(texfold.LoadError, match=r"there is no mesh\.obj"):
+        texfold.read_capture(tmp_path)
+    lines = ["v {} {} {}".format(*vertex) for vertex in vertices] + ["f {} {} {}".format(*corners) for corners in triangles + 1]
+    (tmp_path / "mesh.obj").write_text("\n".join(lines) + "\n")
+    found = texfold.read_capture(tmp_path)
+    assert all(np.array_equal(one, other) for one, other in zip(found.photographs, images)) and len(found.photographs) == 3
+    assert np.allclose(found.vertices[found.triangles], vertices[triangles], atol=1e-5)
+    assert texfold.encode_light(*found) == texfold.encode_light(images, seen, found.vertices, found.triangles)
+    assert len(texfold.read_capture(tmp_path, most_triangles=100).triangles) <= 100
+    (tmp_path / "1.tga").write_bytes(b"torn")
+    with pytest.raises(texfold.LoadError, match=r"1\.tga"):
+        texfold.read_capture(tmp_path)
 
 
 def test_captures_that_do_not_fit_are_refused():

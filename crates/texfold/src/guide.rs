@@ -135,7 +135,7 @@
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let capture = sphere(Look::Glossy, 8, 24);
-//! // let capture = Capture { mesh, views }
+//! // let capture = texfold_capture::read("captures/statue".as_ref(), None, None, texfold_capture::read_image)?;
 //! let texture = Lightfield::encode(&capture, &LightParams::default(), &mut Job::default())?;
 //! let texture = open(&file_of(&texture))?.into_light()?;
 //! let pixels = Renderer::new(&texture).render(&capture.views[0].camera);

@@ -117,7 +117,7 @@ impl FolderTask<LightSettings> {
     /// Some photographs that the capture keeps for tests, drawn by the light field; a warning where they cannot be read.
     fn new_views(&self, texture: &LightTexture) -> (Option<Views>, Option<String>) {
         let Some(cameras) = capture::test_cameras(&self.found.path) else { return (None, None) };
-        match capture::read_some(&cameras, SIMILAR_VIEWS) {
+        match capture::read_views(&cameras, Some(SIMILAR_VIEWS)) {
             Ok(photographs) => {
                 let renderer = Renderer::new(texture);
                 let views = similarity(&photographs, SIMILAR_VIEWS, |camera| renderer.render(camera)).views;

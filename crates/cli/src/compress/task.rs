@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use texfold::encoding::Chosen;
+use texfold_capture::read_uv_mesh;
 use texfold_core::Stage;
 use texfold_core::container::SourceNotes;
 use texfold_core::mesh::UvMesh;
@@ -11,7 +12,7 @@ use texfold_core::mesh::UvMesh;
 use super::cache::{Cache, add_file, program};
 use super::encode;
 use crate::error::{CliError, guarded};
-use crate::input::{Found, frames, mesh, pixels, size_of};
+use crate::input::{Found, frames, pixels, size_of};
 use crate::memory;
 use crate::normals;
 use crate::output::write_whole;
@@ -75,7 +76,7 @@ impl Task {
     }
 
     fn check_and_encode(&self, place: &Workplace<'_>) -> Result<Finished, CliError> {
-        let mesh = self.settings.mesh.as_deref().map(mesh::read).transpose()?;
+        let mesh = self.settings.mesh.as_deref().map(read_uv_mesh).transpose()?;
         let key = self.key(mesh.as_ref())?;
         if let Some(row) = place.cache.up_to_date(&self.output, &key).filter(|_| !place.force) {
             return Ok(Finished { row: self.renamed(row), skipped: true });

@@ -112,7 +112,7 @@ fn compared(texture: &LightTexture, cameras: &Path) -> Result<Vec<Compared>, Cli
             .map_err(|source| CliError::Source { path: cameras.to_owned(), source })?;
         Ok(Compared { psnr, image })
     };
-    capture::read_all(cameras)?.iter().map(compare).collect()
+    capture::read_views(cameras, None)?.iter().map(compare).collect()
 }
 
 fn summarise(args: &InfoArgs, texture: &LightTexture) -> Summary {

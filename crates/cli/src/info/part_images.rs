@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use texfold::AnyImage;
 use texfold::encoding::parts_of;
 use texfold::vq::{Map, Vq, distortion_map, saliency_map};
+use texfold_capture::read_uv_mesh;
 use texfold_core::image::{ColorSpace, PartImages, Raster, to_u8};
 use texfold_core::{ImageSize, SourceError, TextureCodec};
 
@@ -12,7 +13,7 @@ use crate::config::Options;
 use crate::console::say;
 use crate::decompress::{decode, name};
 use crate::error::CliError;
-use crate::input::{Remarks, find, mesh, read_set};
+use crate::input::{Remarks, find, read_set};
 use crate::output::make_folder;
 use crate::{memory, png, thumbnail};
 
@@ -64,7 +65,7 @@ pub(crate) fn write(
             return Err(CliError::NoSuchPart { path: path.to_owned(), codec, option: "mesh" });
         }
         let ImageSize { width, height } = encoded.layout().images[0];
-        let map = distortion_map(&mesh::read(mesh)?, width, height).and_then(|map| gray(&map));
+        let map = distortion_map(&read_uv_mesh(mesh)?, width, height).and_then(|map| gray(&map));
         save("distortion", 0, 1, &map.map_err(|source| CliError::Source { path: mesh.to_owned(), source })?)?;
     }
     if originals.is_some() {

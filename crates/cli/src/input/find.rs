@@ -175,7 +175,7 @@ fn kind_of_folder(path: &Path) -> Kind {
 /// The images of a folder, sorted by name.
 fn folder(path: &Path, kind: Kind, not_read: &mut Vec<PathBuf>) -> Result<Vec<PathBuf>, CliError> {
     if kind == Kind::Lightfield {
-        return capture::image_files(path);
+        return Ok(capture::image_files(path)?);
     }
     if kind == Kind::Zoom && path.join(stack::LIST_NAME).exists() {
         return stack::image_files(path);
@@ -248,7 +248,7 @@ mod tests {
                 Err(CliError::NotFound { .. }) => index == 0,
                 Err(CliError::NoMatch { .. }) => index == 1,
                 Err(CliError::EmptyFolder { .. }) => index == 2,
-                Err(CliError::Cameras { .. }) => index == 3,
+                Err(CliError::Capture(texfold_capture::CaptureError::Cameras { .. })) => index == 3,
                 _ => false,
             })
             .collect();

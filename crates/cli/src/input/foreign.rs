@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use texfold::bank::Manifest;
+use texfold_capture::{read_cameras, read_mesh, read_uv_mesh};
 
-use super::{bands::Bands, capture, frames, mesh, pixels, shape, stack};
+use super::{bands::Bands, frames, pixels, stack};
 use crate::config::Options;
 use crate::error::{CliError, guarded};
 use crate::files;
@@ -42,8 +43,8 @@ fn read(path: &Path, limit_bytes: u64) -> Result<(), CliError> {
         "png" | "tga" => image(path, limit_bytes),
         "obj" | "ply" | "glb" => {
             // Each takes what the other may refuse.
-            let with_coordinates = mesh::read(path).map(|_| ());
-            shape::read(path).map(|_| ()).and(with_coordinates)
+            let with_coordinates = read_uv_mesh(path).map(|_| ());
+            Ok(read_mesh(path).map(|_| ()).and(with_coordinates)?)
         }
         "txt" if name.ends_with("_par.txt") => cameras(path),
         "bin" => {
@@ -79,7 +80,7 @@ fn read(path: &Path, limit_bytes: u64) -> Result<(), CliError> {
 }
 
 fn cameras(path: &Path) -> Result<(), CliError> {
-    for shot in capture::read_cameras(path)? {
+    for shot in read_cameras(path)? {
         shot.camera(path, Some((8, 6)))?;
     }
     Ok(())

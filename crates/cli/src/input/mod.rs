@@ -2,7 +2,6 @@
 
 pub(crate) mod bands;
 pub(crate) mod capture;
-mod colmap;
 pub(crate) mod container;
 mod exr_gray;
 pub(crate) mod find;
@@ -11,17 +10,11 @@ pub(crate) mod formats;
 pub(crate) mod frames;
 pub(crate) mod georeference;
 mod jpeg;
-mod lens;
 pub(crate) mod material;
-pub(crate) mod mesh;
-mod metashape;
-mod middlebury;
-mod openmvs;
 pub(crate) mod pixels;
 mod profile;
 pub(crate) mod remarks;
 pub(crate) mod samples;
-pub(crate) mod shape;
 pub(crate) mod stack;
 
 use std::io::Read;

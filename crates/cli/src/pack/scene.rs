@@ -8,9 +8,9 @@ use base64::engine::Engine;
 use gltf::binary::{Glb, Header};
 use percent_encoding::percent_decode_str;
 use serde_json::{Value, json};
+use texfold_capture::BASE64;
 
 use crate::error::CliError;
-use crate::input::mesh::BASE64;
 use crate::{files, memory};
 
 /// A scene.

@@ -5,6 +5,7 @@ use std::f32::consts::{PI, TAU};
 use glam::{Mat4, UVec2, Vec2, Vec3, Vec4};
 use texfold::AnyImage;
 use texfold::core::{Camera, Mesh};
+use texfold_capture::{read_mesh, read_uv_mesh};
 use texfold_core::RegionError;
 use texfold_core::address::{TEXFOLD_REPEAT, texfold_level, texfold_lod, texfold_tap};
 use texfold_core::image::{Alpha, Raster};
@@ -18,7 +19,6 @@ use crate::config::Sides;
 use crate::console::warn;
 use crate::decompress;
 use crate::error::CliError;
-use crate::input::{mesh, shape};
 use crate::memory;
 use crate::output::{make_folder, remove_stale};
 use crate::png;
@@ -40,9 +40,9 @@ const POLE: f32 = 1e-4;
 /// Runs `render` with `--mesh`.
 pub(super) fn run(args: &RenderArgs, path: &std::path::Path) -> Result<usize, CliError> {
     let texture = decompress::load(&args.file, &args.memory.limits())?;
-    let mesh = match mesh::read(path) {
-        Err(CliError::MeshContent { what: mesh::NO_COORDINATES | mesh::OTHER_FORMAT, .. }) => {
-            let mapped = around(&shape::read(path)?);
+    let mesh = match read_uv_mesh(path) {
+        Err(error) if error.lacks_coordinates() => {
+            let mapped = around(&read_mesh(path)?);
             let path = path.display();
             warn(&format!(
                 "{path}: no texture coordinates are read; longitude and latitude around its middle take their place"

@@ -140,7 +140,7 @@ pub(crate) fn load(path: &Path, limits: &Limits) -> Result<LightTexture, CliErro
 fn cameras(path: &Path, size: Option<Sides>) -> Result<Vec<Camera>, CliError> {
     let size = size.map(|Sides(width, height)| (width.max(1), height.max(1)));
     let shots = capture::read_cameras(path)?;
-    let camera = |shot: &capture::Shot| {
+    let camera = |shot: &texfold_capture::Shot| -> Result<Camera, CliError> {
         let camera = shot.camera(path, size)?;
         Ok(size.map_or(camera, |(width, height)| camera.resized(width, height)))
     };

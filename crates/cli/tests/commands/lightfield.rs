@@ -3,6 +3,7 @@
 use std::fs;
 
 use serde_json::json;
+use texfold_capture::{read_image, read_views};
 use texfold_testkit::capture::{Look, camera, eyes, photograph, sphere};
 
 use crate::support::{Place, names, psnr};
@@ -181,7 +182,7 @@ fn models_of_colmap_and_tables_of_middlebury_are_captures() {
     let place = Place::new();
     write_capture(&place, "ball");
     let file = place.at("ball/transforms.json");
-    let wanted = texfold_cli::read_views(&file).unwrap();
+    let wanted = read_views(&file, None, read_image).unwrap();
     fs::remove_file(&file).unwrap();
     let focal = wanted[0].camera.focal.x;
     let lens = format!("1 SIMPLE_PINHOLE {SIZE} {SIZE} {focal} {0} {0}\n", SIZE / 2);
@@ -205,7 +206,7 @@ fn models_of_colmap_and_tables_of_middlebury_are_captures() {
             fs::remove_file(place.at("ball/images.txt")).unwrap();
             fs::write(place.at("ball").join(file), &table).unwrap();
         }
-        let found = texfold_cli::read_views(&place.at("ball").join(file)).unwrap();
+        let found = read_views(&place.at("ball").join(file), None, read_image).unwrap();
         assert_eq!(found.len(), wanted.len());
         for (found, wanted) in found.iter().zip(&wanted) {
             assert!(found.camera.to_world.abs_diff_eq(wanted.camera.to_world, 1e-4), "{file}");
@@ -224,7 +225,7 @@ fn photographs_of_a_distorting_lens_are_undistorted() {
     write_capture(&place, "ball");
     let file = place.at("ball/transforms.json");
     let seen = || {
-        let views = texfold_cli::read_views(&file).unwrap();
+        let views = read_views(&file, None, read_image).unwrap();
         views.iter().flat_map(|view| &view.pixels).filter(|pixel| pixel[3] > 0).count()
     };
     let before = seen();

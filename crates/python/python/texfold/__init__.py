@@ -28,8 +28,9 @@ from ._errors import BankError, EncodeError, LoadError, RegionError, TexfoldErro
 from ._files import Part, bytes_of, part_bits
 
 __all__ = [
-    "Bank", "BankError", "BankWriter", "Camera", "EncodeError", "LightField", "LoadError", "Part", "RegionError",
-    "TexfoldError", "Texture", "decode", "encode", "encode_light", "open", "open_light", "psnr", "ssim",
+    "Bank", "BankError", "BankWriter", "Camera", "Capture", "EncodeError", "LightField", "LoadError", "Part",
+    "RegionError", "TexfoldError", "Texture", "decode", "encode", "encode_light", "open", "open_light", "psnr", "read_capture",
+    "ssim",
 ]  # fmt: skip
 
 Images = Union[np.ndarray, Sequence[np.ndarray], Mapping[str, np.ndarray]]
@@ -400,5 +401,5 @@ def _number(value: int, name: str) -> int:
     return value
 
 
-from .light import Camera, LightField, encode_light, open_light  # noqa: E402
+from .light import Camera, Capture, LightField, encode_light, open_light, read_capture  # noqa: E402
 from .writing import BankWriter  # noqa: E402

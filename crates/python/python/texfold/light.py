@@ -36,6 +36,55 @@ class Camera(NamedTuple):
         return (int(self.width), int(self.height)), focal.tolist(), centre.tolist(), matrix.ravel().tolist()
 
 
+class Capture(NamedTuple):
+    """Photographs of an object, their cameras, and its mesh: the arguments of :func:`encode_light`."""
+
+    photographs: list[np.ndarray]
+    """``uint8`` arrays of rows, columns and RGBA."""
+    cameras: list[Camera]
+    """One for each photograph, in the space of the mesh."""
+    vertices: np.ndarray
+    """Coordinates, of shape (n, 3)."""
+    triangles: np.ndarray
+    """Numbers of vertices, of shape (m, 3)."""
+
+
+def read_capture(
+    folder: str | os.PathLike[str],
+    *,
+    mesh: str | os.PathLike[str] | None = None,
+    most_triangles: int | None = None,
+) -> Capture:
+    """A folder of photographs, cameras and a mesh: a model of COLMAP (text or binary), ``transforms.json`` (NeRF, nerfstudio, instant-ngp), a scene
+    of OpenMVS, Metashape's XML or Middlebury's ``_par.txt``, found by its files. Photographs (PNG, JPEG, TIFF, BMP, TGA, PNM) of lenses that distort
+    are undistorted.
+
+        data = texfold.encode_light(*texfold.read_capture("garden", most_triangles=20_000))
+
+    Parameters
+    ----------
+    mesh
+        OBJ, PLY, glTF or GLB in the cameras' space; by default that of the folder.
+    most_triangles
+        The mesh simplified to at most so many.
+
+    Raises
+    ------
+    LoadError
+        Files that are missing, damaged or do not fit one another; the message names the file and says what to do.
+    """
+    views, vertices, triangles = _texfold.read_capture(folder, mesh, most_triangles)
+    cameras = [
+        Camera(*size, tuple(focal), np.array(matrix, np.float32).reshape(4, 4), tuple(centre))
+        for _, (size, focal, centre, matrix) in views
+    ]
+    pixels = zip(views, cameras)
+    photographs = [np.frombuffer(data, np.uint8).reshape(camera.height, camera.width, 4) for (data, _), camera in pixels]
+    return Capture(
+        photographs, cameras, np.array(vertices, np.float32).reshape(-1, 3), np.array(triangles, np.uint32).reshape(-1, 3)
+    )
+
+
 def encode_light(
     photographs: Sequence[np.ndarray],
     cameras: Sequence[Camera],

@@ -134,7 +134,7 @@ impl Scene {
     pub(super) fn read(found: &Found, limit_bytes: u64) -> Result<Scene, CliError> {
         let mut source = capture::read(&found.path, None, None, limit_bytes)?;
         let tests = match capture::test_cameras(&found.path) {
-            Some(cameras) => capture::read_some(&cameras, TESTS)?,
+            Some(cameras) => capture::read_views(&cameras, Some(TESTS))?,
             None => {
                 let (mut tests, mut kept) = (Vec::new(), Vec::new());
                 for (number, view) in source.views.drain(..).enumerate() {

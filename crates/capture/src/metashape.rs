@@ -9,12 +9,12 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DMat4, DVec3};
 use roxmltree::{Document, Node};
 
-use super::capture::Shot;
-use super::colmap::{AXES, IMAGES};
-use super::lens::Lens;
-use super::middlebury::LEAST_SKEW;
-use crate::error::CliError;
+use crate::cameras::Shot;
+use crate::colmap::{AXES, IMAGES};
+use crate::error::CaptureError;
 use crate::files;
+use crate::lens::Lens;
+use crate::middlebury::LEAST_SKEW;
 
 /// Bytes of a file in which its kind shows.
 const HEAD: u64 = 4096;
@@ -39,11 +39,11 @@ fn is_of_chunk(path: &Path) -> bool {
 }
 
 /// Reads the cameras that are aligned and enabled, in the order of the file.
-pub(super) fn read(path: &Path) -> Result<Vec<Shot>, CliError> {
-    let fault = |what| CliError::CameraContent { path: path.to_owned(), what };
+pub(super) fn read(path: &Path) -> Result<Vec<Shot>, CaptureError> {
+    let fault = |what| CaptureError::CameraContent { path: path.to_owned(), what };
     let text = files::read_text(path)?;
     let document = Document::parse(&text)
-        .map_err(|source| CliError::Cameras { path: path.to_owned(), source: source.into() })?;
+        .map_err(|source| CaptureError::Cameras { path: path.to_owned(), source: source.into() })?;
     let mut chunks = children(document.root_element(), "chunk");
     let chunk = chunks.next().ok_or(fault("is not one of Metashape's cameras"))?;
     if chunks.next().is_some() {
@@ -95,6 +95,15 @@ fn is_enabled(camera: Node<'_, '_>) -> bool {
     !matches!(camera.attribute("enabled"), Some("false" | "0"))
 }
 
+/// Endings of photographs' files, which stand beside others of the same name.
+const PHOTOGRAPHS: [&str; 14] =
+    ["png", "jpg", "jpeg", "tif", "tiff", "webp", "bmp", "tga", "exr", "hdr", "ppm", "pgm", "gif", "jxl"];
+
+fn is_image(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    PHOTOGRAPHS.iter().any(|known| known.eq_ignore_ascii_case(&extension))
+}
+
 /// The images that labels of cameras name, mostly without an extension.
 struct Images {
     folder: PathBuf,
@@ -110,7 +119,7 @@ impl Images {
             folder.read_dir().into_iter().flatten().flatten().map(|entry| entry.path()).collect();
         paths.sort();
         let mut by_name = HashMap::new();
-        for path in paths.into_iter().filter(|path| super::formats::is_image(path)) {
+        for path in paths.into_iter().filter(|path| is_image(path)) {
             for name in [path.file_name(), path.file_stem()].into_iter().flatten() {
                 by_name.entry(name.to_string_lossy().into_owned()).or_insert_with(|| path.clone());
             }

@@ -9,13 +9,13 @@ use std::path::Path;
 use base64::alphabet;
 use base64::engine::{DecodePaddingMode, Engine, GeneralPurpose, GeneralPurposeConfig};
 use glam::{Mat4, Vec2, Vec3};
-use texfold_core::mesh::UvMesh;
+use texfold::core::mesh::UvMesh;
 
-use crate::error::CliError;
+use crate::error::CaptureError;
 use crate::files;
 
 /// Buffers and images within glTF files, which some exporters write without padding.
-pub(crate) const BASE64: GeneralPurpose = GeneralPurpose::new(
+pub const BASE64: GeneralPurpose = GeneralPurpose::new(
     &alphabet::STANDARD,
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
@@ -27,17 +27,20 @@ const MAX_DEPTH: u32 = 64;
 pub(crate) const NO_COORDINATES: &str = "has no triangles with texture coordinates";
 pub(crate) const OTHER_FORMAT: &str = "is none of OBJ, glTF and GLB";
 
-/// Reads a mesh by its extension.
-pub(crate) fn read(path: &Path) -> Result<UvMesh, CliError> {
+/// Reads a mesh with texture coordinates, by its extension: OBJ, glTF or GLB.
+///
+/// # Errors
+/// [`CaptureError::Read`], [`CaptureError::Mesh`], [`CaptureError::UvMeshContent`].
+pub fn read(path: &Path) -> Result<UvMesh, CaptureError> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     let mesh = match extension.to_ascii_lowercase().as_str() {
         "obj" => read_obj(path)?,
         "gltf" | "glb" => read_gltf(path)?,
         _ => {
-            return Err(CliError::MeshContent { path: path.to_owned(), what: OTHER_FORMAT });
+            return Err(CaptureError::UvMeshContent { path: path.to_owned(), what: OTHER_FORMAT });
         }
     };
-    let fault = |what| CliError::MeshContent { path: path.to_owned(), what };
+    let fault = |what| CaptureError::UvMeshContent { path: path.to_owned(), what };
     if mesh.triangles.is_empty() {
         Err(fault(NO_COORDINATES))
     } else if !mesh.is_valid() {
@@ -47,12 +50,12 @@ pub(crate) fn read(path: &Path) -> Result<UvMesh, CliError> {
     }
 }
 
-fn wrong<E: Into<Box<dyn Error + Send + Sync>>>(path: &Path) -> impl Fn(E) -> CliError {
-    move |source| CliError::Mesh { path: path.to_owned(), source: source.into() }
+fn wrong<E: Into<Box<dyn Error + Send + Sync>>>(path: &Path) -> impl Fn(E) -> CaptureError {
+    move |source| CaptureError::Mesh { path: path.to_owned(), source: source.into() }
 }
 
-fn read_obj(path: &Path) -> Result<UvMesh, CliError> {
-    let file = files::open(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+fn read_obj(path: &Path) -> Result<UvMesh, CaptureError> {
+    let file = files::open(path).map_err(|source| CaptureError::Read { path: path.to_owned(), source })?;
     let options = tobj::LoadOptions { triangulate: true, single_index: true, ..tobj::LoadOptions::default() };
     let no_materials = |_: &Path| Ok(Default::default());
     let (models, _) =
@@ -78,7 +81,7 @@ fn append(whole: &mut UvMesh, positions: Vec<Vec3>, uvs: Vec<Vec2>, indices: &[u
     whole.triangles.extend(indices.chunks_exact(3).map(|t| [corner(t[0]), corner(t[1]), corner(t[2])]));
 }
 
-fn read_gltf(path: &Path) -> Result<UvMesh, CliError> {
+fn read_gltf(path: &Path) -> Result<UvMesh, CaptureError> {
     let mut whole = UvMesh::default();
     each_primitive(path, |primitive, positions, indices, buffers| {
         let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(Vec::as_slice));
@@ -90,7 +93,7 @@ fn read_gltf(path: &Path) -> Result<UvMesh, CliError> {
 }
 
 /// Places and triangles of a glTF or GLB file, with or without texture coordinates.
-pub(crate) fn read_gltf_shape(path: &Path) -> Result<(Vec<Vec3>, Vec<[u32; 3]>), CliError> {
+pub(crate) fn read_gltf_shape(path: &Path) -> Result<(Vec<Vec3>, Vec<[u32; 3]>), CaptureError> {
     let mut whole = UvMesh::default();
     each_primitive(path, |_, positions, indices, _| append(&mut whole, positions, Vec::new(), &indices))?;
     Ok((whole.positions, whole.triangles))
@@ -100,7 +103,7 @@ pub(crate) fn read_gltf_shape(path: &Path) -> Result<(Vec<Vec3>, Vec<[u32; 3]>),
 fn each_primitive(
     path: &Path,
     mut see: impl FnMut(&gltf::Primitive<'_>, Vec<Vec3>, Vec<u32>, &[Vec<u8>]),
-) -> Result<(), CliError> {
+) -> Result<(), CaptureError> {
     let bytes = files::read(path)?;
     let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(&bytes).map_err(wrong(path))?;
     let buffers = buffers(path, &document, blob)?;
@@ -139,8 +142,8 @@ fn buffers(
     path: &Path,
     document: &gltf::Document,
     mut blob: Option<Vec<u8>>,
-) -> Result<Vec<Vec<u8>>, CliError> {
-    let fault = |what| CliError::MeshContent { path: path.to_owned(), what };
+) -> Result<Vec<Vec<u8>>, CaptureError> {
+    let fault = |what| CaptureError::UvMeshContent { path: path.to_owned(), what };
     let load = |buffer: gltf::Buffer<'_>| {
         let bytes = match buffer.source() {
             gltf::buffer::Source::Bin => blob.take().ok_or(fault("lacks its binary chunk"))?,
@@ -195,11 +198,11 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let obj = dir.path().join("a.obj");
         std::fs::write(&obj, "v 0 0 0\nv 2 0 0\nv 0 3 0\nf 1 2 3\n").unwrap();
-        assert!(matches!(read(&obj), Err(CliError::MeshContent { .. })));
+        assert!(matches!(read(&obj), Err(CaptureError::UvMeshContent { .. })));
         std::fs::write(&obj, "v 0 0 0\nf 1/1 2/2 9/9\n").unwrap();
         assert!(read(&obj).is_err());
         let other = dir.path().join("a.stl");
         std::fs::write(&other, "solid").unwrap();
-        assert!(matches!(read(&other), Err(CliError::MeshContent { .. })));
+        assert!(matches!(read(&other), Err(CaptureError::UvMeshContent { .. })));
     }
 }

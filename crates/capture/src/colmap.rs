@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use glam::{Mat4, Quat, Vec3, Vec4};
 
-use super::capture::Shot;
-use super::lens::Lens;
-use crate::error::CliError;
+use crate::cameras::Shot;
+use crate::error::CaptureError;
 use crate::files;
+use crate::lens::Lens;
 
 /// The files of images and of cameras, one beside the other.
 pub(super) const NAMES: [[&str; 2]; 2] = [["images.txt", "cameras.txt"], ["images.bin", "cameras.bin"]];
@@ -47,10 +47,10 @@ const OTHER_MODEL: &str = "has a camera of the model FOV or THIN_PRISM_FISHEYE, 
 type Pose = (String, u32, Mat4);
 
 /// Reads the cameras of a file of images, in the order of their images' names.
-pub(super) fn read(images: &Path) -> Result<Vec<Shot>, CliError> {
+pub(super) fn read(images: &Path) -> Result<Vec<Shot>, CaptureError> {
     let is_binary = images.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bin"));
     let lenses_file = images.with_file_name(NAMES[usize::from(is_binary)][1]);
-    let fault = |file: &Path, what| CliError::CameraContent { path: file.to_owned(), what };
+    let fault = |file: &Path, what| CaptureError::CameraContent { path: file.to_owned(), what };
     let (lenses, poses) = if is_binary {
         let lenses = records(&files::read(&lenses_file)?, binary_lens);
         (lenses, records(&files::read(images)?, binary_pose))
@@ -129,7 +129,7 @@ fn binary_pose(rest: &mut &[u8]) -> Option<Result<Pose, &'static str>> {
 }
 
 /// Lines that are no comments.
-fn lines(path: &Path) -> Result<Vec<String>, CliError> {
+fn lines(path: &Path) -> Result<Vec<String>, CaptureError> {
     let text = files::read_text(path)?;
     Ok(text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect())
 }

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use glam::{Mat3, Mat4, Vec3};
 
-use super::capture::Shot;
-use super::colmap::AXES;
-use super::lens::Lens;
-use crate::error::CliError;
+use crate::cameras::Shot;
+use crate::colmap::AXES;
+use crate::error::CaptureError;
 use crate::files;
+use crate::lens::Lens;
 
 /// End of the names of tables.
 const ENDING: &str = "_par.txt";
@@ -28,9 +28,9 @@ pub(super) fn table(dir: &Path) -> Option<PathBuf> {
 }
 
 /// Reads the cameras of a table, in its order.
-pub(super) fn read(path: &Path) -> Result<Vec<Shot>, CliError> {
+pub(super) fn read(path: &Path) -> Result<Vec<Shot>, CaptureError> {
     let text = files::read_text(path)?;
-    let fault = |what| CliError::CameraContent { path: path.to_owned(), what };
+    let fault = |what| CaptureError::CameraContent { path: path.to_owned(), what };
     // The number of images comes first.
     let lines = text.lines().skip(1).filter(|line| !line.trim().is_empty());
     let shot = |(frame, line): (usize, &str)| {

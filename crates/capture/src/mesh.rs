@@ -11,24 +11,27 @@ use serde::de::DeserializeSeed;
 use serde_ply::{DeserializeError, PlyChunkedReader, PlyFormat, RowVisitor};
 use texfold::core::Mesh;
 
-use super::mesh::read_gltf_shape;
-use crate::error::CliError;
+use crate::error::CaptureError;
 use crate::files;
+use crate::uv_mesh::read_gltf_shape;
 
 /// Most vertices or faces of a PLY file: rows without properties take no bytes of it.
 const MAX_ELEMENTS: usize = 1 << 24;
 
-/// Reads a mesh by its extension.
-pub(crate) fn read(path: &Path) -> Result<Mesh, CliError> {
+/// Reads a mesh, by its extension: OBJ, PLY, glTF or GLB.
+///
+/// # Errors
+/// [`CaptureError::Read`], [`CaptureError::Mesh`], [`CaptureError::MeshContent`].
+pub fn read(path: &Path) -> Result<Mesh, CaptureError> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-    let fault = |what| CliError::ShapeContent { path: path.to_owned(), what };
+    let fault = |what| CaptureError::MeshContent { path: path.to_owned(), what };
     let mesh = match extension.to_ascii_lowercase().as_str() {
         "obj" => read_obj(path)?,
         "ply" => {
             let bytes = files::read(path)?;
             read_ply(bytes).map_err(|error| match error {
                 PlyError::Content(what) => fault(what),
-                PlyError::Read(source) => CliError::Mesh { path: path.to_owned(), source: source.into() },
+                PlyError::Read(source) => CaptureError::Mesh { path: path.to_owned(), source: source.into() },
             })?
         }
         "gltf" | "glb" => {
@@ -46,12 +49,12 @@ pub(crate) fn read(path: &Path) -> Result<Mesh, CliError> {
     }
 }
 
-fn read_obj(path: &Path) -> Result<Mesh, CliError> {
-    let file = files::open(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+fn read_obj(path: &Path) -> Result<Mesh, CaptureError> {
+    let file = files::open(path).map_err(|source| CaptureError::Read { path: path.to_owned(), source })?;
     let options = tobj::LoadOptions { triangulate: true, ..tobj::LoadOptions::default() };
     let no_materials = |_: &Path| Ok(Default::default());
     let (models, _) = tobj::load_obj_buf(&mut BufReader::new(file), &options, no_materials)
-        .map_err(|source| CliError::Mesh { path: path.to_owned(), source: source.into() })?;
+        .map_err(|source| CaptureError::Mesh { path: path.to_owned(), source: source.into() })?;
     let mut whole = Mesh::default();
     for tobj::Mesh { positions, indices, .. } in models.into_iter().map(|model| model.mesh) {
         let first = whole.positions.len() as u32;
@@ -187,9 +190,9 @@ mod tests {
         std::fs::write(&path, text("")).unwrap();
         assert_eq!(read(&path).unwrap().triangles, [[0, 1, 2]]);
         std::fs::write(&path, &text("")[..200]).unwrap();
-        assert!(matches!(read(&path), Err(CliError::Mesh { .. })));
+        assert!(matches!(read(&path), Err(CaptureError::Mesh { .. })));
         std::fs::write(&path, text("").replace("48", "480")).unwrap();
-        assert!(matches!(read(&path), Err(CliError::MeshContent { .. })));
+        assert!(matches!(read(&path), Err(CaptureError::UvMeshContent { .. })));
         std::fs::write(&path, text("").replace("POSITION", "NORMAL")).unwrap();
         assert!(read(&path).is_err());
     }

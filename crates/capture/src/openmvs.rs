@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DMat4, DVec3};
 
-use super::capture::Shot;
-use super::colmap::{AXES, take};
-use super::lens::Lens;
-use super::middlebury::LEAST_SKEW;
-use crate::error::CliError;
+use crate::cameras::Shot;
+use crate::colmap::{AXES, take};
+use crate::error::CaptureError;
 use crate::files;
+use crate::lens::Lens;
+use crate::middlebury::LEAST_SKEW;
 
 /// The scene that is taken where a folder has several: those of later steps have the same cameras.
 const SCENE: &str = "scene.mvs";
@@ -35,8 +35,8 @@ pub(super) fn scene(dir: &Path) -> Option<PathBuf> {
 }
 
 /// Reads the cameras of a scene, in the order of its images; images without a pose are left out.
-pub(super) fn read(path: &Path) -> Result<Vec<Shot>, CliError> {
-    let fault = |what| CliError::CameraContent { path: path.to_owned(), what };
+pub(super) fn read(path: &Path) -> Result<Vec<Shot>, CaptureError> {
+    let fault = |what| CaptureError::CameraContent { path: path.to_owned(), what };
     let bytes = files::read(path)?;
     let mut rest = bytes.as_slice();
     if take(&mut rest) != Some(MAGIC) {

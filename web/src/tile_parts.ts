@@ -4,6 +4,9 @@ import type { Layout, MapInfo } from "./container.js";
 import { pixelsOf } from "./container.js";
 import { GpuError } from "./gpu.js";
 
+/** Most times that the sides of an image are halves of the largest's. */
+const MOST_HALVINGS = 3;
+
 /** Most images of a tile. */
 export const MOST_PARTS = 8;
 
@@ -22,16 +25,18 @@ export interface Part {
   layer: number;
   /** The only channel that it fills; undefined where it fills all four. */
   channel?: number;
+  /** How often its sides are halves of those of the texture; undefined where they are the same. */
+  halvings?: number;
 }
 
 /** The two words of a texture's row for its parts. */
 export function partsRow(parts: Part[]): [number, number] {
   let channels = 0, shape = parts.length;
-  parts.forEach(({ layer, channel }, number) => {
+  parts.forEach(({ layer, channel, halvings }, number) => {
     channels |= (4 * layer + (channel ?? 0)) << (4 * number);
-    shape |= (1 << (4 + layer)) | (channel === undefined ? 0 : 1 << (8 + number));
+    shape |= (1 << (4 + layer)) | (channel === undefined ? 0 : 1 << (8 + number)) | ((halvings ?? 0) << (16 + 2 * number));
   });
-  return [channels >>> 0, shape];
+  return [channels >>> 0, shape >>> 0];
 }
 
 /** Puts the texels of a part into those of a layer, where they belong there. */
@@ -55,10 +60,7 @@ export function partsOf(layout: Layout, layers: number): { parts: Part[]; isSrgb
   if (!maps) {
     throw refused("the texture has no maps");
   }
-  const [first] = layout.images;
-  if (layout.images.some(({ width, height }) => width !== first!.width || height !== first!.height)) {
-    throw refused("its maps are of unlike size");
-  }
+  const largest = layout.images.reduce((one, other) => (other.width * other.height > one.width * one.height ? other : one));
   const has = (kind: MapInfo["kind"]): boolean => maps.some((map) => map.kind === kind);
   const places: Partial<Record<MapInfo["kind"], [number, number?]>> = {
     color: [COLOR], opacity: [COLOR, 3], normal: [NORMAL], height: [has("normal") ? NORMAL : PACKED, 3], orm: [PACKED], occlusion: [PACKED, 0], roughness: [PACKED, 1],
@@ -80,7 +82,11 @@ export function partsOf(layout: Layout, layers: number): { parts: Part[]; isSrgb
     if (parts.some((part) => part.layer === layer && part.channel === channel)) {
       throw refused("two of its maps are of the same kind");
     }
-    parts.push(channel === undefined ? { image, layer } : { image, layer, channel });
+    const { width, height } = layout.images[image]!, halvings = Math.log2(largest.width / width);
+    if (largest.height / height !== largest.width / width || !Number.isInteger(halvings) || halvings > MOST_HALVINGS) {
+      throw refused("the sides of a map are not those of the largest, halves, quarters or eighths");
+    }
+    parts.push(channel === undefined ? { image, layer, halvings } : { image, layer, channel, halvings });
   }
   if (colours.size > 1) {
     throw refused("one of its colours is sRGB, the other one is not");

@@ -145,8 +145,10 @@ interface Prepared {
   tail: number;
   /** What its tiles are decoded from: one image, or the maps of a material. */
   parts: Part[];
-  /** Stages of the parts, one part after the other. */
-  stages: Blocks[];
+  /** Of each part, its stages with tiles of their own. */
+  stages: Blocks[][];
+  /** All stages of the image. */
+  blocks: Blocks[];
   /** Of each part, texels of the levels of the tail. */
   tails: (Uint8Array | Uint8ClampedArray)[][];
   image: number;
@@ -296,7 +298,8 @@ export class TileCache {
    * Adds a material in superblocks (codec `dct`), whose maps `texfold_tile_sample_material` looks up together, and gives its number. The maps of a tile
    * are decoded together and share places of the pool. Maps that are missing read as 1, normals as (0, 0, 1). `texfold_tile_sample` of it gives base
    * colour and opacity.
-   * @throws GpuError for maps of unlike size, of the kind "other", or two of a kind, which `add` takes; also as there. Nothing is added then.
+   * Maps may have half, a quarter or an eighth of the sides of the largest: levels that they lack are enlarged.
+   * @throws GpuError for maps of other sizes, of the kind "other", or two of a kind, which `add` takes; also as there. Nothing is added then.
    */
   async addMaterial(material: Texture, look: TileLook = {}): Promise<number> {
     const prepared = await this.prepared(material);
@@ -425,7 +428,7 @@ export class TileCache {
         tails.push(await this.tailOf(uploaded, ofImage, layout, [image, level]));
       }
       const parts = [{ image, layer: 0 }];
-      all.push({ size, levels, own, tail, parts, stages, tails: [tails], image, uploaded: isInBlocks ? undefined : uploaded, pipeline });
+      all.push({ size, levels, own, tail, parts, stages: [stages], blocks: isInBlocks ? ofImage : [], tails: [tails], image, uploaded: isInBlocks ? undefined : uploaded, pipeline });
     }
     if (isInBlocks) {
       uploaded?.destroy();
@@ -463,15 +466,19 @@ export class TileCache {
     if (images.some(({ uploaded }) => uploaded)) {
       throw refused("the texture is not in superblocks");
     }
-    const [stages, tails] = [images.flatMap((image) => image.stages), images.flatMap((image) => image.tails)];
-    this.put({ ...images[0]!, parts, stages, tails }, number, { address: look.address ?? "repeat", srgb: look.srgb !== false && isSrgb });
+    const whole = images.find((_, part) => !parts[part]!.halvings)!, address = look.address ?? "repeat";
+    const stages = images.map(({ blocks }, part) => {
+      const own = Math.max(whole.own - (parts[part]!.halvings ?? 0), Math.min(whole.own, 1));
+      return blocks.filter((stage) => stage.level < own);
+    });
+    const tails = images.map((image, part) => whole.tails[0]!.map((_, index) => tailLevel(image, parts[part]!.halvings ?? 0, whole.tail + index, address)));
+    this.put({ ...whole, parts, stages, tails }, number, { address, srgb: look.srgb !== false && isSrgb });
     this.held[number]!.isMaterial = true;
   }
 
   /** Puts an image under a number, in place of the one that has it. */
   private put(image: Prepared, number: number, look: Required<TileLook>): void {
-    const each = image.stages.length / image.parts.length, words = image.parts.reduce((sum, _, part) =>
-      sum + Math.max(0, ...image.stages.slice(each * part, each * (part + 1)).map(mostWords)), 0);
+    const words = image.stages.reduce((sum, stages) => sum + Math.max(0, ...stages.map(mostWords)), 0);
     if (4 * (words + BLOCK_WORDS) > this.options.scratchBytes) {
       throw full("a tile of this texture needs more scratch memory", "scratchBytes");
     }
@@ -480,7 +487,7 @@ export class TileCache {
       held.source = { number: number + 1, texture: uploaded, pipeline, ...this.sourceGroup(number + 1, image.image, uploaded) };
     }
     this.held[number] = held;
-    image.stages.forEach((stage, index) => this.writeStage(stage, held.stages[0] + index, held.data[2 * index]![0], held.data[2 * index + 1]![0]));
+    image.stages.flat().forEach((stage, index) => this.writeStage(stage, held.stages[0] + index, held.data[2 * index]![0], held.data[2 * index + 1]![0]));
     this.write(this.on.pages, 4 * held.pages[0], new Uint8Array(4 * (held.pages[1] - held.pages[0])));
     this.writeTail(image, number, look);
     this.writeRow(image, number, held);
@@ -489,7 +496,8 @@ export class TileCache {
     }
   }
 
-  private reserve({ size, own, stages }: Prepared, look: Required<TileLook>): Held {
+  private reserve({ size, own, stages: ofParts }: Prepared, look: Required<TileLook>): Held {
+    const stages = ofParts.flat();
     let count = 0;
     for (let level = 0; level < own; level++) {
       count += tilesOf(atLevel(size, level)).reduce((all, tiles) => all * tiles, 1);
@@ -628,16 +636,42 @@ function tailOf(size: Size): number {
   return level;
 }
 
+/** The column or row of an image of so many that one outside of it repeats. */
+const addressed = (at: number, all: number, address: TileLook["address"]): number => (address === "clamp" ? clamped(at, 0, all - 1) : ((at % all) + all) % all);
+
+/** Texels of an image whose sides are so often halves of those of a material, for a level of the material's tail; enlarged where the image is smaller. */
+function tailLevel({ size, tail, tails }: Prepared, halvings: number, level: number, address: TileLook["address"]): Uint8Array | Uint8ClampedArray {
+  const own = Math.max(level - halvings, 0), texels = tails[0]![own - tail]!, times = Math.max(halvings - level, 0);
+  if (times === 0) {
+    return texels;
+  }
+  const { width, height } = atLevel(size, own), scale = 1 << times, enlarged = new Uint8ClampedArray(4 * width * height * scale * scale);
+  const taps = (at: number, all: number): [number, number][] => {
+    const place = (at + 0.5) / scale - 0.5, low = Math.floor(place);
+    return [[addressed(low, all, address), 1 - (place - low)], [addressed(low + 1, all, address), place - low]];
+  };
+  enlarged.forEach((_, at) => {
+    const channel = at % 4, place = Math.floor(at / 4);
+    let sum = 0;
+    for (const [y, one] of taps(Math.floor(place / (width * scale)), height)) {
+      for (const [x, other] of taps(place % (width * scale), width)) {
+        sum += one * other * texels[4 * (y * width + x) + channel]!;
+      }
+    }
+    enlarged[at] = Math.floor(sum + 0.5);
+  });
+  return enlarged;
+}
+
 /** The texels of an image's tail, of a quarter of a tile. */
 function tailTexels({ size, tail }: Prepared, tails: Prepared["tails"][number], { address }: Required<TileLook>): Uint32Array {
   const texels = new Uint32Array(QUARTER * QUARTER);
-  const addressed = (at: number, all: number): number => (address === "clamp" ? clamped(at, 0, all - 1) : ((at % all) + all) % all);
   tails.forEach((decoded, index) => {
     const { width, height } = atLevel(size, tail + index), [left, top] = TAIL_PLACES[Math.min(index, TAIL_PLACES.length - 1)]!;
     const from = new Uint32Array(decoded.buffer, decoded.byteOffset, width * height);
     for (let y = -BORDER; y < height + BORDER; y++) {
       for (let x = -BORDER; x < width + BORDER; x++) {
-        texels[(top! + BORDER + y) * QUARTER + left! + BORDER + x] = from[addressed(y, height) * width + addressed(x, width)]!;
+        texels[(top! + BORDER + y) * QUARTER + left! + BORDER + x] = from[addressed(y, height, address) * width + addressed(x, width, address)]!;
       }
     }
   });

@@ -1,5 +1,7 @@
 // Golden files, and what Rust loads them to.
-import { readdirSync, readFileSync } from "node:fs";
+import { execFileSync } from "node:child_process";
+import { existsSync, readdirSync, readFileSync } from "node:fs";
+import { fileURLToPath } from "node:url";
 import { checksum } from "../dist/test.js";
 
 const folder = new URL("../../fixtures/golden/", import.meta.url);
@@ -11,6 +13,13 @@ export function read(name) {
 }
 
 export const names = readdirSync(folder).filter((name) => name.endsWith(".txf"));
+
+/** Runs the program in the workspace's folder. Where that was built, it is there. */
+export function texfold(...options) {
+  const cwd = fileURLToPath(new URL("../..", import.meta.url)), built = `${cwd}target/debug/texfold`;
+  const [program, ...first] = existsSync(built) ? [built] : ["cargo", "run", "--quiet", "--package", "texfold-cli", "--"];
+  execFileSync(program, [...first, ...options], { cwd, stdio: ["ignore", "ignore", "inherit"] });
+}
 
 const hash = (bytes) => checksum(new Uint8Array(bytes.buffer, bytes.byteOffset, bytes.byteLength)).toString(16).padStart(16, "0");
 

@@ -1,8 +1,10 @@
 import assert from "node:assert/strict";
+import { copyFileSync, mkdirSync, mkdtempSync, rmSync } from "node:fs";
+import { basename, join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { after, before, test } from "node:test";
 import { launch, open, serve } from "./browser.mjs";
-import { LONG } from "./support.mjs";
+import { LONG, texfold } from "./support.mjs";
 
 const root = fileURLToPath(new URL("../..", import.meta.url));
 const browser = await launch();
@@ -11,10 +13,12 @@ const options = { skip: browser ? false : "no Chromium here" };
 const VIEW = 64;
 /** Updates within which all tiles of a view are there. */
 const UPDATES = 3;
-let server, page, faults;
+let server, page, faults, folder;
 
 before(async () => {
   if (browser) {
+    mkdirSync(join(root, "target"), { recursive: true });
+    folder = mkdtempSync(join(root, "target/tiles-"));
     server = await serve(root);
     ({ page, faults } = await open(browser, `${server.url}web/test/page.html`));
   }
@@ -23,6 +27,9 @@ before(async () => {
 after(async () => {
   await browser?.close();
   server?.close();
+  if (folder) {
+    rmSync(folder, { recursive: true });
+  }
 });
 
 const file = (name) => `/fixtures/golden/${name}.txf`;
@@ -154,10 +161,47 @@ test("maps of a material from one lookup equal decoded texels", options, async (
   const { images: [{ width, height }] } = await page.evaluate(async (url) => (await window.openFile(url)).layout, file("dct"));
   assert.ok(difference(await settled(material, 0, [0, 0], [width, height]), wanted) <= 1);
   const refused = (url) => page.evaluate(async (url) => window.tiles.addMaterial(await window.openFile(url)).then(() => "added", (error) => error.message), url);
-  assert.match(await refused(file("dct_material")), /its maps are of unlike size; add\(\) looks its maps up one by one/);
+  assert.match(await refused(file("dct_material")), /the sides of a map are not those of the largest, halves, quarters or eighths; add\(\) looks its maps up one by one/);
   assert.match(await refused(file("dct")), /the texture has no maps/);
   await cache([]);
   assert.match(await refused(url), /the cache has no layers for such a map; make it for materials/);
+  assert.deepEqual(faults, []);
+});
+
+test("maps of half and quarter the sides are enlarged where they lack a level", options, async () => {
+  for (const [name, kind] of [["facade", "BaseColor"], ["normal_map", "Normal"], ["constant", "Roughness"], ["black", "Metallic"]]) {
+    copyFileSync(join(root, `fixtures/images/${name}.png`), join(folder, `wall_${kind}.png`));
+  }
+  texfold("compress", folder, "--as", "material", "--bpp", "4", "--effort", "fast", "--mips", "--out", folder);
+  const url = `/target/${basename(folder)}/wall.txf`, sides = { color: 256, normal: 128 };
+  const [material] = await cache([url], { contents: "materials" });
+  const { maps } = await page.evaluate(async (url) => (await window.openFile(url)).layout, url);
+  for (const [kind, layer] of [["color", 1], ["normal", 2]]) {
+    const image = maps.findIndex((map) => map.kind === kind), halvings = Math.log2(256 / sides[kind]);
+    for (const level of [0, 1, 3]) {
+      const side = 256 >> level, own = Math.max(level - halvings, 0), few = sides[kind] >> own, at = Math.max(0, Math.min(side - VIEW, 90));
+      const [{ data }] = await page.evaluate(([url, region]) => window.decoded(url, [region]), [url, { image, level: own, x: 0, y: 0, width: few, height: few }]);
+      const view = await settled(material, level, [at, at], [side, side], layer), texels = Buffer.from(data, "base64");
+      const taps = (place) => {
+        const found = ((place + 0.5) * few) / side - 0.5, low = Math.floor(found);
+        return [[(low + few) % few, 1 - (found - low)], [(low + 1) % few, found - low]];
+      };
+      let largest = 0;
+      for (let place = 0; place < Math.min(VIEW, side) ** 2; place++) {
+        const [column, row] = [place % Math.min(VIEW, side), Math.floor(place / Math.min(VIEW, side))];
+        for (let channel = 0; channel < 3; channel++) {
+          let wanted = 0;
+          for (const [y, one] of taps(at + row)) {
+            for (const [x, other] of taps(at + column)) {
+              wanted += one * other * texels[4 * (y * few + x) + channel];
+            }
+          }
+          largest = Math.max(largest, Math.abs(view[4 * (VIEW * row + column) + channel] - wanted));
+        }
+      }
+      assert.ok(largest <= 1.01, `${kind}, level ${level}: ${largest}`);
+    }
+  }
   assert.deepEqual(faults, []);
 });
 

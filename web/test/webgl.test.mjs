@@ -1,14 +1,13 @@
 // Shaders in GLSL ES 3.00, as `texfold shaders --lang essl` writes them, draw golden files by WebGL 2.
 import assert from "node:assert/strict";
-import { execFileSync } from "node:child_process";
-import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { after, before, test } from "node:test";
 import { launch, open, serve, WEBGL } from "./browser.mjs";
 import { open as openFile } from "../dist/test.js";
-import { names, read } from "./support.mjs";
+import { names, read, texfold } from "./support.mjs";
 
 const root = fileURLToPath(new URL("../..", import.meta.url));
 const browser = await launch(), webgl = await launch(WEBGL);
@@ -19,9 +18,7 @@ let server;
 before(async () => {
   if (browser) {
     server = await serve(root);
-    // Where the workspace was built, the program is there.
-    const built = join(root, "target/debug/texfold"), texfold = existsSync(built) ? [built] : ["cargo", "run", "--quiet", "--package", "texfold-cli", "--"];
-    execFileSync(texfold[0], [...texfold.slice(1), "shaders", "--lang", "essl", "--out", folder], { cwd: root, stdio: ["ignore", "ignore", "inherit"] });
+    texfold("shaders", "--lang", "essl", "--out", folder);
   }
 });
 

@@ -44,8 +44,8 @@ const ALPHA_MODE_SHIFT: u32 = 29;
 
 /// Draws [`TileMaterial`] from a cache of tiles; behind `DefaultPlugins`.
 ///
-/// With [`TileContents::Materials`](crate::TileContents::Materials) as the options' contents, all maps of a material of one size are found by one lookup and decoded together; they take
-/// three layers of the pool, four with emitted light. Else, and maps of unlike size, each is looked up by itself.
+/// With [`TileContents::Materials`](crate::TileContents::Materials) as the options' contents, all maps of a material are found by one lookup and decoded together; they take
+/// three layers of the pool, four with emitted light. Else, and where their sides are not those of the largest, halves, quarters or eighths, each is looked up by itself.
 ///
 /// Where the cache cannot be made, as on a device with lower limits than the options take, that is logged and nothing of these materials
 /// is drawn.
@@ -176,7 +176,7 @@ impl Held {
                     self.files.insert(id, Images::Material(texture, kinds));
                     return Ok(());
                 }
-                // Maps of unlike size, or a cache without layers for them.
+                // Maps of other sizes or kinds, or a cache without layers for them.
                 Err(GpuError::Material { .. }) => {}
                 Err(error) => return Err(error),
             }

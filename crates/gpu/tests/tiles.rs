@@ -184,6 +184,25 @@ impl Reference {
         Reference { levels: (0..layout.levels.min(own.full_levels())).map(level).collect(), look }
     }
 
+    /// As [`Reference::new`], of an image whose sides are so often halves of the texture's: its finest levels are enlarged as they are stored.
+    fn halved(texture: &dyn Encoded<Domain = Image2d>, image: u32, look: TileLook, halvings: u32) -> Self {
+        let stored = Reference::new(texture, image, TileLook { srgb: false, ..look });
+        let light = |v: f64| if look.srgb { f64::from(srgb_to_linear(v as f32)) } else { v };
+        let ImageSize { width, height } = stored.levels[0].0;
+        let enlarged = |level: u32| {
+            let [width, height] = [width, height].map(|side| side << (halvings - level));
+            let size = DVec2::new(f64::from(width), f64::from(height));
+            let centre = |place: u32| DVec2::new(f64::from(place % width), f64::from(place / width)) + 0.5;
+            let texel = |place: u32| {
+                let value = (stored.bilinear(0, centre(place) / size) * 255.0).round() / 255.0;
+                DVec4::new(light(value.x), light(value.y), light(value.z), value.w)
+            };
+            (ImageSize { width, height }, (0..width * height).map(texel).collect())
+        };
+        let own = Reference::new(texture, image, look).levels;
+        Reference { levels: (0..halvings).map(enlarged).chain(own).collect(), look }
+    }
+
     fn bilinear(&self, level: usize, uv: DVec2) -> DVec4 {
         let (ImageSize { width, height }, texels) = &self.levels[level];
         let clamped = self.look.address == AddressMode::Clamp;

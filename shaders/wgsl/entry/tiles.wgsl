@@ -127,8 +127,8 @@ fn deblock_rows(@builtin(global_invocation_id) id: vec3<u32>) {
 
 var<private> entry_output: EntryOutput;
 
-// The texel of a request in that column and row of its level.
-fn entry_colour(number: u32, level: u32, at: vec2<u32>) -> vec4<f32> {
+// The texel of a request in that column and row of the texture's level; `level` is that of its image, and how often this is to be doubled.
+fn entry_colour(number: u32, level: vec2<u32>, at: vec2<u32>, flags: u32) -> vec4<f32> {
     let stage = entry_plan.requests[number].stage;
     texfold_block_pass = entry_plan.passes[(number + 1u) * TEXFOLD_TILE_PLANES - 1u];
     entry_output.shift = entry_stages[stage].shift;
@@ -137,9 +137,23 @@ fn entry_colour(number: u32, level: u32, at: vec2<u32>) -> vec4<f32> {
     entry_output.first_axes = entry_stages[stage].first_axes;
     entry_output.weights = entry_stages[stage].weights;
     entry_output.last = entry_stages[stage].size - vec2<u32>(1u);
-    entry_output.reduce_log2 = level % 3u;
+    entry_output.reduce_log2 = level.x % 3u;
     entry_output.average = entry_stages[stage].average;
-    return vec4<f32>(entry_texel(at)) / f32(entry_output.largest);
+    // The place between four texels of the image, in parts of one.
+    let part = 2i << level.y;
+    let place = 2 * vec2<i32>(at) + vec2<i32>(1 - part / 2);
+    let share = vec2<f32>(place & vec2<i32>(part - 1)) / f32(part);
+    var colour = vec4<f32>(0.0);
+    for (var tap = 0u; tap < select(4u, 1u, level.y == 0u); tap += 1u) {
+        let beside = vec2<u32>(tap & 1u, tap >> 1u);
+        let weight = select(vec2<f32>(1.0) - share, share, beside == vec2<u32>(1u));
+        var texel = at;
+        if level.y > 0u {
+            texel = texfold_tile_address((place >> vec2<u32>(level.y + 1u)) + vec2<i32>(beside), entry_stages[stage].size, flags);
+        }
+        colour += select(weight.x * weight.y, 1.0, level.y == 0u) * vec4<f32>(entry_texel(texel));
+    }
+    return colour / f32(entry_output.largest);
 }
 
 // The first image of a layer writes it, with those behind it that fill further channels.
@@ -168,7 +182,7 @@ fn write_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
         if place.x != layer {
             continue;
         }
-        let colour = entry_colour(id.z + part - own, level, at);
+        let colour = entry_colour(id.z + part - own, texfold_tile_part_level(parts, part, level), at, flags);
         if ((parts.shape >> (8u + part)) & 1u) == 1u {
             texel = select(texel, colour.xxxx, vec4<u32>(0u, 1u, 2u, 3u) == vec4<u32>(place.y));
         } else {

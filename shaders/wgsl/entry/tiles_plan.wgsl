@@ -116,11 +116,11 @@ fn entry_age(slot: u32) -> u32 {
 }
 
 // Columns or rows of superblocks that a tile needs, the first and how many: of a level of `level` texels, each 2^`reduce` samples of
-// `size`, from the tile's texel `begin` on. Behind the last one the first ones follow.
-fn entry_superblocks(begin: i32, level: i32, size: u32, reduce: u32, log2: u32, is_clamped: bool) -> vec2<u32> {
+// `size`, of `range`, its first texel and the one behind its last. Behind the last one the first ones follow.
+fn entry_superblocks(range: vec2<i32>, level: i32, size: u32, reduce: u32, log2: u32, is_clamped: bool) -> vec2<u32> {
     let all = (size + (1u << log2) - 1u) >> log2;
-    var start = begin;
-    var end = min(begin + i32(TEXFOLD_TILE_SIDE), level + i32(TEXFOLD_TILE_BORDER));
+    var start = range.x;
+    var end = min(range.y, level + i32(TEXFOLD_TILE_BORDER));
     if is_clamped {
         start = max(start, 0);
         end = min(end, level);
@@ -152,11 +152,26 @@ fn entry_base(range: vec2<u32>, side: u32, blocks: u32, log2: u32) -> vec2<u32> 
     return vec2<u32>(first, min(base - first + last + 1u, base));
 }
 
+// Columns or rows of an image's level that a tile shows from its column or row `begin` on, the first and the one behind the last; of an image
+// that is to be doubled so often those beside them, too.
+fn entry_range(begin: i32, doublings: u32) -> vec2<i32> {
+    let side = i32(TEXFOLD_TILE_SIDE >> doublings);
+    if doublings == 0u {
+        return vec2<i32>(begin, begin + side);
+    }
+    return vec2<i32>((begin >> doublings) - 1, (begin >> doublings) + side + 2);
+}
+
 // The stage that an image of a tile is decoded from: those of one image follow those of another.
 fn entry_stage(tile: EntryTile, part: u32) -> u32 {
     let shape = texfold_tile_textures[tile.texture].shape;
-    let own = min(texfold_tile_levels(shape), texfold_tile_tail(shape));
-    return texfold_tile_textures[tile.texture].stages + part * ((own + 2u) / 3u) + tile.level / 3u;
+    let last = min(texfold_tile_levels(shape), texfold_tile_tail(shape)) - 1u;
+    let parts = texfold_tile_textures[tile.texture].parts;
+    var stage = texfold_tile_textures[tile.texture].stages;
+    for (var before = 0u; before < part; before += 1u) {
+        stage += texfold_tile_part_level(parts, before, last).x / 3u + 1u;
+    }
+    return stage + texfold_tile_part_level(parts, part, tile.level).x / 3u;
 }
 
 // Plans the planes of an image of a tile, as request `number` of the update; returns the words that they take.
@@ -165,14 +180,15 @@ fn entry_planes(number: u32, tile: EntryTile, part: u32) -> u32 {
     let flags = texfold_tile_flags(texfold_tile_textures[texture].shape);
     let is_clamped = (flags & TEXFOLD_TILE_CLAMP) != 0u;
     let stage = entry_stage(tile, part);
-    let reduce = tile.level % 3u;
+    let own = texfold_tile_part_level(texfold_tile_textures[texture].parts, part, tile.level);
+    let reduce = own.x % 3u;
     let base_log2 = entry_stages[stage].superblock_log2 >> 8u;
     var log2 = entry_stages[stage].superblock_log2 & 255u;
-    let level = vec2<i32>(texfold_tile_level_size(texfold_tile_textures[texture].size, tile.level));
+    let level = vec2<i32>(texfold_tile_level_size(entry_stages[stage].size, reduce));
     let begin = vec2<i32>(tile.tile * TEXFOLD_TILE_INNER) - vec2<i32>(i32(TEXFOLD_TILE_BORDER));
     var size = entry_stages[stage].size;
-    var columns = entry_superblocks(begin.x, level.x, size.x, reduce, log2, is_clamped);
-    var rows = entry_superblocks(begin.y, level.y, size.y, reduce, log2, is_clamped);
+    var columns = entry_superblocks(entry_range(begin.x, own.y), level.x, size.x, reduce, log2, is_clamped);
+    var rows = entry_superblocks(entry_range(begin.y, own.y), level.y, size.y, reduce, log2, is_clamped);
     var words = 0u;
     var plane = 0u;
     for (; plane < TEXFOLD_TILE_PLANES; plane += 1u) {

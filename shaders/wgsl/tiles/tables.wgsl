@@ -30,7 +30,7 @@ struct TexfoldTileParts {
     // Of each in 4 bits, from the lowest on: 4 times its layer, and its first channel.
     channels: u32,
     // How many, 0 standing for one; behind 4 bits one for each layer that any of them fills, behind 8 bits one for each that has a single
-    // channel.
+    // channel; behind 16 bits two for each: how often its sides are halves of the texture's.
     shape: u32,
 }
 
@@ -91,6 +91,12 @@ fn texfold_tile_parts(parts: TexfoldTileParts) -> u32 {
 fn texfold_tile_part(parts: TexfoldTileParts, part: u32) -> vec2<u32> {
     let place = (parts.channels >> (4u * part)) & 15u;
     return vec2<u32>(place >> 2u, place & 3u);
+}
+
+// The level that an image has at a level of the texture, 0 where that is finer than the image; and how often the image is then to be doubled.
+fn texfold_tile_part_level(parts: TexfoldTileParts, part: u32, level: u32) -> vec2<u32> {
+    let halvings = (parts.shape >> (16u + 2u * part)) & 3u;
+    return max(vec2<u32>(level, halvings), vec2<u32>(halvings, level)) - vec2<u32>(halvings, level);
 }
 
 // Whether an image fills a layer.

@@ -380,7 +380,7 @@ impl TileCache {
         Ok(())
     }
 
-    /// Puts images of one size, whose tiles lie over one another, under a number, in place of what has it.
+    /// Puts images whose tiles lie over one another under a number, in place of what has it.
     fn put(
         &mut self,
         gpu: &Gpu,
@@ -390,19 +390,22 @@ impl TileCache {
     ) -> Result<TileTexture, GpuError> {
         let TileSource { texture, stages, uploaded, is_coarse } = source;
         let layout = texture.layout();
-        let [Part { image, .. }, ..] = *parts else { return Err(GpuError::Form { what: "no image" }) };
+        let largest = parts.iter().min_by_key(|part| part.halvings);
+        let &Part { image, .. } = largest.ok_or(GpuError::Form { what: "no image" })?;
         let size = layout.images[image as usize];
         let tail = tail_of(size);
         let levels = layout.levels.min(size.full_levels());
         let own = levels.min(tail);
         let mut drawn: Vec<&GpuDct<'_>> = Vec::new();
         let mut words = 0;
-        for (number, part) in parts.iter().enumerate() {
+        for part in parts {
             let before = drawn.len();
+            let own = part.own_levels(own);
             drawn.extend(stages_of(stages, part.image, own));
             let added = &drawn[before..];
             let is_cut = (0..).zip(added).all(|(number, stage)| stage.level == 3 * number);
-            if own as usize > MOST_LEVELS || !is_cut || before != number * added.len() {
+            let is_whole = stages.is_empty() || added.len() as u32 == own.div_ceil(3);
+            if own as usize > MOST_LEVELS || !is_cut || !is_whole {
                 return Err(GpuError::Form {
                     what: "an image is larger, or cut otherwise, than tiles expect",
                 });

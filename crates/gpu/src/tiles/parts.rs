@@ -7,6 +7,8 @@ use super::rows::PartsRow;
 use super::{TileCache, TileLook, TileSource, TileTexture};
 use crate::{Gpu, GpuError};
 
+/// Most times that the sides of an image are halves of the largest's.
+const MOST_HALVINGS: u32 = 3;
 /// Most images of a tile.
 pub(super) const MOST_PARTS: u32 = 8;
 
@@ -25,12 +27,19 @@ pub(super) struct Part {
     channel: u32,
     /// Whether it fills that channel alone, else all four.
     is_single: bool,
+    /// How often its sides are halves of those of the texture.
+    pub(super) halvings: u32,
 }
 
 impl Part {
     /// An image by itself.
     pub(super) fn whole(image: u32) -> Part {
-        Part { image, layer: COLOR, channel: 0, is_single: false }
+        Part { image, layer: COLOR, channel: 0, is_single: false, halvings: 0 }
+    }
+
+    /// Its levels in tiles of their own, of a texture that has `own` of these.
+    pub(super) fn own_levels(&self, own: u32) -> u32 {
+        own.saturating_sub(self.halvings).max(own.min(1))
     }
 
     /// Puts the texels of this image into a layer, where they belong there.
@@ -55,6 +64,7 @@ pub(super) fn row(parts: &[Part]) -> PartsRow {
         row.channels |= (4 * part.layer + part.channel) << (4 * number);
         row.shape |= 1 << (4 + part.layer);
         row.shape |= u32::from(part.is_single) << (8 + number);
+        row.shape |= part.halvings << (16 + 2 * number);
     }
     row
 }
@@ -65,9 +75,7 @@ pub(super) fn of_material(layout: &ImageLayout, layers: u32) -> Result<(Vec<Part
     if layout.maps.is_empty() {
         return refused("the texture has no maps");
     }
-    if layout.images.iter().any(|size| Some(size) != layout.images.first()) {
-        return refused("its maps are of unlike size");
-    }
+    let largest = layout.images.iter().max_by_key(|size| size.texels()).unwrap_or(&layout.images[0]);
     let has_normals = layout.maps.iter().any(|map| map.kind == MapKind::Normal);
     let (mut parts, mut color) = (Vec::new(), None);
     for (image, map) in (0..).zip(&layout.maps) {
@@ -94,8 +102,15 @@ pub(super) fn of_material(layout: &ImageLayout, layers: u32) -> Result<(Vec<Part
                 return refused("one of its colours is sRGB, the other one is not");
             }
         }
-        let part = Part { image, layer, channel: single.unwrap_or(0), is_single: single.is_some() };
-        let is_same = |other: &Part| Part { image, ..*other } == part;
+        let own = layout.images[image as usize];
+        let doubled = |times: &u32| (own.width << times, own.height << times);
+        let is_largest = |times: &u32| doubled(times) == (largest.width, largest.height);
+        let Some(halvings) = (0..=MOST_HALVINGS).find(is_largest) else {
+            return refused("the sides of a map are not those of the largest, halves, quarters or eighths");
+        };
+        let is_single = single.is_some();
+        let part = Part { image, layer, channel: single.unwrap_or(0), is_single, halvings };
+        let is_same = |other: &Part| Part { image, halvings, ..*other } == part;
         if parts.iter().any(is_same) {
             return refused("two of its maps are of the same kind");
         }
@@ -112,10 +127,10 @@ impl TileCache {
     /// Adds a material, whose maps `texfold_tile_sample_material(material: u32, uv: vec2<f32>) -> TexfoldTileMaterial` looks up together: in a cache of
     /// [`TileContents::Materials`](crate::TileContents::Materials), from a texture in superblocks (codec `dct`). A tile's maps are decoded together, and share places of the pool: opacity lies in
     /// the alpha of the base colour, height in that of normals, occlusion, roughness and metalness in one layer. Maps that are missing read as 1, normals
-    /// as (0, 0, 1). `texfold_tile_sample` of a material gives base colour and opacity.
+    /// as (0, 0, 1). Maps may have half, a quarter or an eighth of the sides of the largest: levels that they lack are enlarged. `texfold_tile_sample` of a material gives base colour and opacity.
     ///
     /// # Errors
-    /// [`GpuError::Material`] for maps of unlike size, of the kind [`MapKind::Other`], or two of a kind, which [`TileCache::add`] takes;
+    /// [`GpuError::Material`] for maps of other sizes, of the kind [`MapKind::Other`], or two of a kind, which [`TileCache::add`] takes;
     /// [`GpuError`] as there. Nothing is added then.
     pub fn add_material(
         &mut self,

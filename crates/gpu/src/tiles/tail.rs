@@ -36,7 +36,7 @@ impl TileCache {
         tail: &Tail,
         shape: (u32, u32),
     ) {
-        let images: Vec<_> = parts.iter().map(|part| tail_texels(texture, part.image, tail, shape)).collect();
+        let images: Vec<_> = parts.iter().map(|part| tail_texels(texture, *part, tail, shape)).collect();
         let [column, row, first] = tail.place;
         for layer in 0..self.layers() {
             let mut texels = vec![[255u8; 4]; (QUARTER * QUARTER) as usize];
@@ -59,15 +59,20 @@ impl TileCache {
 /// The texels of an image's tail, of a quarter of a tile.
 fn tail_texels(
     texture: &dyn Encoded<Domain = Image2d>,
-    image: u32,
+    Part { image, halvings, .. }: Part,
     tail: &Tail,
     (levels, flags): (u32, u32),
 ) -> Vec<[u8; 4]> {
     let size = texture.layout().images[image as usize];
     let mut texels = vec![[0u8; 4]; (QUARTER * QUARTER) as usize];
     for level in tail.first..tail.levels {
-        let ImageSize { width, height } = size.at_level(level);
-        let decoded = decoded(texture, image, (level, levels), size);
+        let own = level.saturating_sub(halvings);
+        let mut decoded = decoded(texture, image, (own, levels), size);
+        let ImageSize { mut width, mut height } = size.at_level(own);
+        if let Some(times) = halvings.checked_sub(level).filter(|&times| times > 0) {
+            decoded = enlarged(&decoded, [width, height], times, flags);
+            (width, height) = (width << times, height << times);
+        }
         let [left, top] = tail_place(level - tail.first);
         let border = rows::BORDER as i32;
         for y in -border..height as i32 + border {
@@ -79,6 +84,28 @@ fn tail_texels(
         }
     }
     texels
+}
+
+/// An image of 2^`times` the sides, each texel between the four nearest ones: as `write_tiles` in `shaders/wgsl/entry/tiles.wgsl`.
+fn enlarged(texels: &[[u8; 4]], [width, height]: [u32; 2], times: u32, flags: u32) -> Vec<[u8; 4]> {
+    let part = 2i32 << times;
+    let near = |at: u32, size: u32| {
+        let place = 2 * at as i32 + 1 - part / 2;
+        let share = place & (part - 1);
+        [(place, part - share), (place + part, share)]
+            .map(|(place, weight)| (addressed(place >> (times + 1), size, flags), weight as u32))
+    };
+    let value = |place: u32, channel: usize| {
+        let (columns, rows) = (near(place % (width << times), width), near(place / (width << times), height));
+        let taps = rows.iter().flat_map(|row| columns.map(|column| (column, *row)));
+        let weighted = |((x, one), (y, other)): ((u32, u32), (u32, u32))| {
+            one * other * u32::from(texels[(y * width + x) as usize][channel])
+        };
+        let (sum, whole) = (taps.map(weighted).sum::<u32>(), part as u32 * part as u32);
+        ((sum + whole / 2) / whole) as u8
+    };
+    let places = 0..(width << times) * (height << times);
+    places.map(|place| [0, 1, 2, 3].map(|channel| value(place, channel))).collect()
 }
 
 /// The column or row of an image of `size` of them that one outside of it repeats.

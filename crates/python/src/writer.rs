@@ -249,7 +249,7 @@ pub(crate) fn tile_errors(
     step: u16,
 ) -> PyResult<Errors> {
     let (set, params) = source(&tile, &options, peak)?;
-    let found = py.detach(|| step_errors(&set, &params, step)).map_err(|error| encode_error(&error))?;
+    let (_, found) = py.detach(|| step_errors(&set, &params, step)).map_err(|error| encode_error(&error))?;
     Ok((found.bits, found.texels, found.color.sum, found.color.count, found.worst_block_rms))
 }
 
@@ -292,10 +292,10 @@ pub(crate) fn tile_step(
             color: SquaredError { sum, count },
             worst_block_rms,
         });
-        Ok(all.sum())
+        Ok(((), all.sum()))
     };
     let found = py.detach(|| search_tiles(&params, &seen, all_at));
-    found.map_err(|Fault(error)| error)
+    found.map(|(step, met, ())| (step, met)).map_err(|Fault(error)| error)
 }
 
 /// Of so many tiles one in how many is sampled.

@@ -27,6 +27,9 @@ const BAND_BYTES: u64 = 12;
 /// allocators keep.
 const TILE_BYTES: u64 = 280 << 20;
 
+/// Encoded tiles of two steps, as the search for the step of an image by block keeps them.
+const MOST_KEPT_BYTES: u64 = 192 << 20;
+
 /// What is to be done with an image.
 #[derive(Debug)]
 pub(crate) enum Step {
@@ -193,8 +196,9 @@ impl BankTask {
 
     /// About how many bytes it takes to add it: a band of the image, and a tile with all that is made of it.
     pub(crate) fn cost_bytes(&self) -> u64 {
-        let width = input::size_of(&self.path).map_or(0, |size| u64::from(size.width));
-        width * u64::from(tiles::MOST_ROWS) * BAND_BYTES + TILE_BYTES
+        let (width, texels) =
+            input::size_of(&self.path).map_or((0, 0), |size| (u64::from(size.width), size.texels()));
+        (texels / 2).min(MOST_KEPT_BYTES) + width * u64::from(tiles::MOST_ROWS) * BAND_BYTES + TILE_BYTES
     }
 
     /// Encodes the image, and writes its files.

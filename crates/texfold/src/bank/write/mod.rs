@@ -42,7 +42,8 @@ use texfold_progressive::ProgressiveParams;
 #[doc(hidden)]
 pub use self::blocks::without_plain_alpha;
 pub use self::blocks::{
-    StepErrors, block_source, block_tile, encode_blocks, search_blocks, search_tiles, step_errors,
+    FoundBlocks, StepErrors, block_source, block_tile, encode_blocks, search_blocks, search_tiles,
+    step_errors,
 };
 pub use self::category::{Categories, colours};
 pub use self::cuts::{LEAST_SIDE, TILE_SIDE, around, cuts, tile_rects};
@@ -305,6 +306,7 @@ impl BankWriter<Report> {
     ) -> Result<bool, S::Error> {
         let Some((seen, categories)) = self.begin(image, source)? else { return Ok(false) };
         let found = search_blocks(source, params, &seen)?;
+        let met = found.met;
         let dir = self.bank.dir().to_owned();
         let first = self.bank.manifest().next;
         let (mut sums, mut tiles, mut next) = (Sums::default(), Vec::new(), first);
@@ -316,7 +318,7 @@ impl BankWriter<Report> {
             Ok(())
         })?;
         let end = first + 2 * categories.len() as u32;
-        self.list_blocks(image, (size, tiles), &sums.report(Access::Block, Some(found.1)), end)?;
+        self.list_blocks(image, (size, tiles), &sums.report(Access::Block, Some(met)), end)?;
         Ok(true)
     }
 

@@ -68,8 +68,8 @@ const MUTATIONS: &[Mutation] = &[
     Mutation {
         name: "borders of tiles repeat their edge",
         file: "shaders/wgsl/tiles/place.wgsl",
-        find: "tile * TEXFOLD_TILE_INNER + at) - border;",
-        replace: "tile * TEXFOLD_TILE_INNER + clamp(at, vec2<u32>(4u), vec2<u32>(123u))) - border;",
+        find: "tile * TEXFOLD_TILE_INNER + at) - border,",
+        replace: "tile * TEXFOLD_TILE_INNER + clamp(at, vec2<u32>(4u), vec2<u32>(123u))) - border,",
         test: tiles("tiles::views_equal_filtering_of_decoded_texels_on_the_cpu", "pixel ["),
     },
     Mutation {

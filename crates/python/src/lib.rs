@@ -24,7 +24,7 @@ mod _texfold {
     use super::texture::{Texture, open, psnr, ssim};
     #[pymodule_export]
     use super::writer::{
-        BankWriter, TileSums, tile_bytes, tile_cuts, tile_errors, tile_name, tile_sampled, tile_seen,
-        tile_step, tile_stride,
+        BankWriter, TileSums, tile_bytes, tile_cuts, tile_name, tile_sampled, tile_seen, tile_step,
+        tile_stride,
     };
 }

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use texfold::bank::{
     BankWriter as Writer, NewImage, Seen, SourceTile, StepErrors, Sums, TileSource, WriteError, block_source,
-    block_tile, block_tile_entry, check_size, search_tiles, step_errors, tile_file, tile_rects,
+    block_tile_entry, check_size, search_tiles, step_errors, tile_file, tile_rects,
 };
 use texfold::core::metric::SquaredError;
 use texfold::core::{Access, EncodeError, ImageSize, Rect};
@@ -239,20 +239,6 @@ fn params(options: &Options) -> PyResult<DctParams> {
 /// Bits, texels, sum of squared errors, values in it, and the RMS error of the worst block: of a tile at a step.
 type Errors = (u64, u64, f64, u64, f64);
 
-/// The errors of a tile at a step.
-#[pyfunction]
-pub(crate) fn tile_errors(
-    py: Python<'_>,
-    tile: Pixels<'_>,
-    options: Options,
-    peak: f32,
-    step: u16,
-) -> PyResult<Errors> {
-    let (set, params) = source(&tile, &options, peak)?;
-    let (_, found) = py.detach(|| step_errors(&set, &params, step)).map_err(|error| encode_error(&error))?;
-    Ok((found.bits, found.texels, found.color.sum, found.color.count, found.worst_block_rms))
-}
-
 /// A fault of a search, that of a callback among them.
 struct Fault(PyErr);
 
@@ -310,7 +296,7 @@ pub(crate) fn tile_sampled(length: u32) -> Vec<u32> {
     texfold::bank::sampled(length)
 }
 
-/// The file of a tile at the step of its image, and what it comes to.
+/// The file of a tile at a step, with which its image meets the goal or not; its sums; and its errors, for [`tile_step`].
 #[pyfunction]
 pub(crate) fn tile_bytes<'py>(
     py: Python<'py>,
@@ -318,14 +304,17 @@ pub(crate) fn tile_bytes<'py>(
     options: Options,
     peak: f32,
     found: (u16, bool),
-) -> PyResult<(Bound<'py, PyBytes>, TileSums)> {
-    let (set, params) = source(&tile, &options, peak)?;
+) -> PyResult<(Bound<'py, PyBytes>, TileSums, Errors)> {
+    let ((set, params), (step, met)) = (source(&tile, &options, peak)?, found);
     let made = py.detach(|| {
-        let images = block_tile(&set, &params, found.0, found.1)?;
+        let (images, errors) = step_errors(&set, &params, step)?;
+        let images = images.described(&set, &params, met, &Job::default())?;
         let mut sums = Sums::default();
         sums.add(&set, &images, 0);
-        Ok::<_, EncodeError>((texfold::file_of(&images), sums))
+        Ok::<_, EncodeError>((texfold::file_of(&images), sums, errors))
     });
-    let (bytes, sums) = made.map_err(|error| encode_error(&error))?;
-    Ok((PyBytes::new(py, &bytes), TileSums(sums)))
+    let (bytes, sums, errors) = made.map_err(|error| encode_error(&error))?;
+    let StepErrors { bits, texels, color, worst_block_rms } = errors;
+    let errors = (bits, texels, color.sum, color.count, worst_block_rms);
+    Ok((PyBytes::new(py, &bytes), TileSums(sums), errors))
 }

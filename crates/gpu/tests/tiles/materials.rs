@@ -213,6 +213,25 @@ fn textures_and_materials_share_a_cache_and_replace_one_another() {
 }
 
 #[test]
+fn a_material_takes_the_bytes_of_its_share() {
+    let Some(gpu) = gpu() else { return };
+    let texture = material_of(&[(MapKind::Roughness, 1), (MapKind::BaseColor, 0)], (256, 248));
+    let contents = TileContents::Materials { emissive: false };
+    let share = TileBytes::of_material(texture.as_encoded(), contents).unwrap();
+    // Nine tiles, four and one, and the tails that share a tile, each of three layers.
+    assert_eq!(share.decoded, 3 * (9 + 4 + 1 + 1) * 4 * 128 * 128);
+    let constants = 4 * u64::from(texfold_shaders::DCT_TABLES);
+    for (missing, fits) in [(0, true), (4, false)] {
+        let stream_bytes = constants + share.held - missing;
+        let mut cache = TileCache::new(gpu, &TileOptions { contents, stream_bytes, ..options() }).unwrap();
+        let added = cache.add_material(gpu, texture.as_encoded(), TileLook::default());
+        assert_eq!(added.is_ok(), fits, "{missing}");
+    }
+    let none = encode("dct", crop(&image("facade"), (0, 0), (40, 40)), true);
+    assert!(TileBytes::of_material(none.as_encoded(), contents).is_err());
+}
+
+#[test]
 fn maps_that_cannot_share_tiles_are_refused() {
     use MapKind::{BaseColor, Emissive, Normal, Other};
     let Some(gpu) = gpu() else { return };

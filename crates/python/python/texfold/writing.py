@@ -86,7 +86,7 @@ class BankWriter:
             Its name, unlike those of others; that of a file without folder and extension.
         image
             A numpy array of rows, columns and, unless it is gray, channels; ``uint8`` or ``uint16``; at most 32768 a side. Or a Dask array: workers read and
-            encode its tiles, and write them to the folder, which they must reach. The array is computed some four times; what computes it
+            encode its tiles, and write them to the folder, which they must reach. The array is computed some three times; what computes it
             must give the same each time.
         codec
             ``dct``: by block; tiles share the step with which the image as a whole meets its goal. ``progressive``: by texel; each tile meets the
@@ -135,22 +135,20 @@ class BankWriter:
             return True
         with _Job(self._folder, name, repr((key, image.shape, str(image.dtype), sorted(options.items(), key=str)))) as job:
             arrays = [array for _, array in tiles]
-            colours, peak, found = job.kept(lambda: _step(arrays, options, run))
+            colours, peak, found = job.kept(lambda: _step(arrays, options, run, job))
             first, categories = self._writer.categories(new, colours)
-            numbers = range(len(tiles))
-            missing = [number for number in numbers if job.sums(number) is None]
-            run(_write, [(arrays[number], options, peak, tuple(found), job.tile(number)) for number in missing])
-            sums = [job.sums(number) for number in numbers]
-            for number in numbers:
-                os.replace(job.tile(number), os.path.join(self._folder, _texfold.tile_name(first + number)))
+            # The search has made them, unless no step meets the goal.
+            made = job.made(arrays, options, peak, tuple(found), run)
+            for number in range(len(tiles)):
+                os.replace(job.tile(number, tuple(found)), os.path.join(self._folder, _texfold.tile_name(first + number)))
             places = [(*place, category) for (place, _), category in zip(tiles, categories)]
             rows, columns = image.shape[:2]
-            self._writer.list(new, (columns, rows), first, list(zip(places, sums)), found[1])
+            self._writer.list(new, (columns, rows), first, list(zip(places, [sums for sums, _ in made])), found[1])
         return True
 
 
 class _Job:
-    """Step and tiles of an image that is being added: a folder in that of the bank, from which the same image goes on
+    """Step and tiles at each step of an image that is being added: a folder in that of the bank, from which the same image goes on
     where a process has ended. One of another key, shape or goal is begun anew.
     """
 
@@ -172,16 +170,16 @@ class _Job:
         _write_whole(path, json.dumps(found).encode())
         return found
 
-    def tile(self, number: int) -> str:
-        """Path of the file of a tile."""
-        return os.path.join(self._folder, f"{number}.txf")
+    def made(self, arrays: list, options: dict, peak: float, found: tuple[int, bool], run: Run) -> list[tuple[_texfold.TileSums, tuple]]:
+        """Sums and errors of all tiles at a step; those that are not there are made."""
+        paths = [self.tile(number, found) for number in range(len(arrays))]
+        run(_write, [(array, options, peak, found, path) for array, path in zip(arrays, paths) if _figures(path) is None])
+        return [_figures(path) for path in paths]
 
-    def sums(self, number: int) -> _texfold.TileSums | None:
-        """Bits and errors of a tile that is written; else none."""
-        path = self.tile(number)
-        with contextlib.suppress(OSError, ValueError), open(_sums_of(path), encoding="utf-8") as file:
-            return _texfold.TileSums(file.read()) if os.path.exists(path) else None
-        return None
+    def tile(self, number: int, found: tuple[int, bool]) -> str:
+        """Path of the file of a tile at a step, which meets the goal or does not."""
+        step, is_met = found
+        return os.path.join(self._folder, f"{number}-{step}{'' if is_met else '-missed'}.txf")
 
     def __enter__(self) -> _Job:
         return self
@@ -194,6 +192,14 @@ class _Job:
 
 def _sums_of(path: str) -> str:
     return path.removesuffix(".txf") + ".sums"
+
+
+def _figures(path: str) -> tuple[_texfold.TileSums, tuple] | None:
+    """Sums and errors of a tile that is written; else none."""
+    with contextlib.suppress(OSError, ValueError), open(_sums_of(path), encoding="utf-8") as file:
+        sums, errors = json.load(file)
+        return (_texfold.TileSums(sums), tuple(errors)) if os.path.exists(path) else None
+    return None
 
 
 def _is_dask(image: Any) -> bool:
@@ -241,14 +247,14 @@ def _key(image: Any, options: dict, category: str | None, georeference: bytes) -
     return hasher.hexdigest()
 
 
-def _step(arrays: list, options: dict, run: Run) -> tuple[list, float, tuple[int, bool]]:
+def _step(arrays: list, options: dict, run: Run, job: _Job) -> tuple[list, float, tuple[int, bool]]:
     """Colours of each tile, the peak of all, and the step at which they meet the goal, and whether they do."""
     stride = _texfold.tile_stride(len(arrays))
     color, alpha = options["color"], options["alpha"]
     seen = run(_seen, [(array, color, alpha, number % stride == 0) for number, array in enumerate(arrays)])
     peak = max(peak for _, peak, _ in seen)
     samples = [sample for _, _, sample in seen if sample is not None]
-    errors = lambda step: run(_errors, [(array, options, peak, step) for array in arrays])  # noqa: E731
+    errors = lambda step: [errors for _, errors in job.made(arrays, options, peak, (step, True), run)]  # noqa: E731
     return [colours for colours, _, _ in seen], peak, _texfold.tile_step(samples, options, peak, errors)
 
 
@@ -259,15 +265,11 @@ def _seen(tile: np.ndarray, color: str, alpha: str, is_sampled: bool) -> tuple[l
     return *_texfold.tile_seen(pixels, color, alpha), sample
 
 
-def _errors(tile: np.ndarray, options: dict, peak: float, step: int) -> tuple:
-    return _texfold.tile_errors(_pixels(tile), options, peak, step)
-
-
 def _write(tile: np.ndarray, options: dict, peak: float, found: tuple[int, bool], path: str) -> None:
-    data, sums = _texfold.tile_bytes(_pixels(tile), options, peak, found)
+    data, sums, errors = _texfold.tile_bytes(_pixels(tile), options, peak, found)
     _write_whole(path, data)
     # Last: where they are, the tile is.
-    _write_whole(_sums_of(path), sums.text().encode())
+    _write_whole(_sums_of(path), json.dumps((sums.text(), errors)).encode())
 
 
 def _write_whole(path: str, data: bytes) -> None:

@@ -86,7 +86,7 @@ class BankWriter:
             Its name, unlike those of others; that of a file without folder and extension.
         image
             A numpy array of rows, columns and, unless it is gray, channels; ``uint8`` or ``uint16``; at most 32768 a side. Or a Dask array: workers read and
-            encode its tiles, and write them to the folder, which they must reach. The array is computed some three times; what computes it
+            encode its tiles, and write them to the folder, which they must reach. The array is computed three to five times; what computes it
             must give the same each time.
         codec
             ``dct``: by block; tiles share the step with which the image as a whole meets its goal. ``progressive``: by texel; each tile meets the

@@ -4,7 +4,7 @@ import type { Layout, MapInfo } from "./container.js";
 import { pixelsOf } from "./container.js";
 import { GpuError } from "./gpu.js";
 
-/** Most times that the sides of an image are halves of the largest's. */
+/** Most halvings from the largest image's sides to those of another. */
 const MOST_HALVINGS = 3;
 
 /** Most images of a tile. */
@@ -25,7 +25,7 @@ export interface Part {
   layer: number;
   /** The only channel that it fills; undefined where it fills all four. */
   channel?: number;
-  /** How often its sides are halves of those of the texture; undefined where they are the same. */
+  /** Halvings from the texture's sides to its own, 0 to 3; undefined for 0. */
   halvings?: number;
 }
 

@@ -65,7 +65,7 @@ pub enum CaptureError {
         frame: usize,
     },
     /// A folder without a mesh.
-    #[error("{}: there is no {name}; put the mesh there or name one (--mesh): it has to be in the cameras' space, such as COLMAP's poisson_mesher, OpenMVS or Metashape make", path.display())]
+    #[error("{}: there is no {name}; put the mesh there or name one (--mesh): one in the cameras' space, such as COLMAP's poisson_mesher, OpenMVS or Metashape make", path.display())]
     NoMesh {
         /// The folder.
         path: PathBuf,
@@ -95,7 +95,7 @@ pub enum CaptureError {
 }
 
 impl CaptureError {
-    /// Whether it is of a mesh that may have triangles, but has no texture coordinates, or a format that has none.
+    /// True for a mesh without texture coordinates, or of a format that has none: [`crate::read_mesh`] may read it.
     #[must_use]
     pub fn lacks_coordinates(&self) -> bool {
         use crate::uv_mesh::{NO_COORDINATES, OTHER_FORMAT};

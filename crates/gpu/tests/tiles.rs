@@ -184,7 +184,7 @@ impl Reference {
         Reference { levels: (0..layout.levels.min(own.full_levels())).map(level).collect(), look }
     }
 
-    /// As [`Reference::new`], of an image whose sides are so often halves of the texture's: its finest levels are enlarged as they are stored.
+    /// As [`Reference::new`], of an image so many halvings smaller than the texture: levels that it lacks are enlarged from the stored values of its finest.
     fn halved(texture: &dyn Encoded<Domain = Image2d>, image: u32, look: TileLook, halvings: u32) -> Self {
         let stored = Reference::new(texture, image, TileLook { srgb: false, ..look });
         let light = |v: f64| if look.srgb { f64::from(srgb_to_linear(v as f32)) } else { v };

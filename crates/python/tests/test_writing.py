@@ -80,6 +80,14 @@ def test_images_by_texel_share_a_codebook(tmp_path):
     assert error[:, 1016:1032].mean() < 1.5 * error.mean()
 
 
+def test_workers_that_do_not_reach_the_folder_are_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(texfold.writing, "_write", lambda *_: None)
+    with pytest.raises(FileNotFoundError, match="workers must reach"):
+        add(tmp_path, "land", land(64, 64))
+    monkeypatch.undo()
+    assert add(tmp_path, "land", land(64, 64))
+
+
 def test_a_tile_that_fails_by_texel_leaves_the_bank_as_it_was(tmp_path):
     add(tmp_path, "land", land(64, 64))
     before = files(tmp_path)

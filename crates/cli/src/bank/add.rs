@@ -27,7 +27,7 @@ const BAND_BYTES: u64 = 12;
 /// allocators keep.
 const TILE_BYTES: u64 = 280 << 20;
 
-/// Encoded tiles of two steps, as the search for the step of an image by block keeps them.
+/// Encoded tiles of two steps, which the search for the step of an image by block keeps; here of 8 bits a texel at most.
 const MOST_KEPT_BYTES: u64 = 192 << 20;
 
 /// What is to be done with an image.
@@ -198,7 +198,7 @@ impl BankTask {
     pub(crate) fn cost_bytes(&self) -> u64 {
         let (width, texels) =
             input::size_of(&self.path).map_or((0, 0), |size| (u64::from(size.width), size.texels()));
-        (texels / 2).min(MOST_KEPT_BYTES) + width * u64::from(tiles::MOST_ROWS) * BAND_BYTES + TILE_BYTES
+        (2 * texels).min(MOST_KEPT_BYTES) + width * u64::from(tiles::MOST_ROWS) * BAND_BYTES + TILE_BYTES
     }
 
     /// Encodes the image, and writes its files.

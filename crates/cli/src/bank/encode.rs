@@ -39,7 +39,7 @@ pub(super) struct Encode<'e> {
     pub(super) share: &'e Share<'e>,
 }
 
-/// What the tiles of an image come to, its size, how it was made, and the categories as it leaves them.
+/// Figures of an image's tiles, its size, the verdict, and its categories with their codebooks as they have grown.
 pub(super) struct Encoded {
     pub(super) sums: Sums,
     pub(super) size: ImageSize,

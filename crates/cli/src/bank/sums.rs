@@ -89,7 +89,7 @@ impl Sums {
         }
     }
 
-    /// How many blocks of tiles by texel use codebooks.
+    /// The verdict of an image by texel: shares of the blocks that use codebooks.
     pub(super) fn shares(&self) -> String {
         let count = |index: usize| self.tiles.iter().map(|tile| tile.blocks[index]).sum::<u64>();
         let all = count(2).max(1) as f64;

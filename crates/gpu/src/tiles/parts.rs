@@ -7,7 +7,7 @@ use super::rows::PartsRow;
 use super::{TileCache, TileLook, TileSource, TileTexture};
 use crate::{Gpu, GpuError};
 
-/// Most times that the sides of an image are halves of the largest's.
+/// Most halvings from the largest image's sides to those of another.
 const MOST_HALVINGS: u32 = 3;
 /// Most images of a tile.
 pub(super) const MOST_PARTS: u32 = 8;
@@ -27,7 +27,7 @@ pub(super) struct Part {
     channel: u32,
     /// Whether it fills that channel alone, else all four.
     is_single: bool,
-    /// How often its sides are halves of those of the texture.
+    /// Halvings from the texture's sides to its own, 0 to 3.
     pub(super) halvings: u32,
 }
 

@@ -116,6 +116,8 @@ class BankWriter:
             An image of that name is there; a name that is none; a side that is too long; a folder that cannot be written.
         EncodeError
             Images or settings that the codec does not take.
+        FileNotFoundError
+            Workers that write to another folder of that path.
         """
         goal, value = _goal(psnr=psnr, bpp=bpp, tolerance=tolerance)
         if codec not in ("dct", "progressive"):
@@ -174,7 +176,11 @@ class _Job:
         """Sums and errors of all tiles at a step; those that are not there are made."""
         paths = [self.tile(number, found) for number in range(len(arrays))]
         run(_write, [(array, options, peak, found, path) for array, path in zip(arrays, paths) if _figures(path) is None])
-        return [_figures(path) for path in paths]
+        made = [_figures(path) for path in paths]
+        if None in made:
+            missing = paths[made.index(None)]
+            raise FileNotFoundError(f"{missing}: a worker has written this tile, and it is not here; workers must reach the bank's folder")
+        return made
 
     def tile(self, number: int, found: tuple[int, bool]) -> str:
         """Path of the file of a tile at a step, which meets the goal or does not."""

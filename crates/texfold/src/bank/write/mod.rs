@@ -352,7 +352,7 @@ impl BankWriter<Report> {
         Ok(true)
     }
 
-    /// What is seen of an image that is to be added, and the categories of its tiles; `None` of one that is there already.
+    /// Colours and samples of an image that is to be added, and the categories of its tiles; `None` of one that is there already.
     fn begin<S: TileSource>(
         &mut self,
         image: &NewImage<'_>,

@@ -93,7 +93,7 @@ pub struct TexelTile {
     pub grown_bits: u64,
 }
 
-/// How the tiles of an image are encoded by texel.
+/// Parameters and place of an image that is encoded by texel.
 #[derive(Debug, Clone, Copy)]
 pub struct TexelTiles<'t> {
     /// Goal and effort.

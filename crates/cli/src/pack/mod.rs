@@ -133,6 +133,7 @@ pub(crate) fn pack(args: &PackArgs) -> Result<usize, CliError> {
         if args.fallback == Fallback::Original {
             after.disk += before.disk;
         }
+        scene.take_images()?;
         write_whole(&output, &scene.into_glb()?)?;
         say(&format!(
             "{}: images of {} on disk and {} of RGBA with mip levels in memory; now {} and {} compressed",
@@ -365,6 +366,7 @@ pub(crate) fn unpack(args: &UnpackArgs) -> Result<usize, CliError> {
             return Err(scene.fault("has no textures that pack has made"));
         }
         scene.forget_unused();
+        scene.take_images()?;
         write_whole(&output, &scene.into_glb()?)?;
         say(&format!("wrote {} with {} images", output.display(), images.len()));
         Ok(0)

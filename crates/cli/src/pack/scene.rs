@@ -135,6 +135,28 @@ impl Scene {
         number
     }
 
+    /// Puts images that lie beside the scene into it, where textures name them: from another folder their names lead nowhere.
+    pub(super) fn take_images(&mut self) -> Result<(), CliError> {
+        let mut textures = Value::Array(self.list("textures").to_vec());
+        let named = renumber(&mut textures, "source", self.list("images").len());
+        for index in (0..named.len()).filter(|&index| named[index]) {
+            let image = &self.list("images")[index];
+            let is_beside = |uri: &&str| !uri.starts_with("data:") && !uri.contains("://");
+            if image["uri"].as_str().filter(is_beside).is_none() {
+                continue;
+            }
+            let bytes = self.image(index)?;
+            let mime_type = if bytes.starts_with(b"\xABKTX 20") {
+                "image/ktx2"
+            } else {
+                let format = image::guess_format(&bytes);
+                format.map_err(|_| self.fault("names an image whose format is not known"))?.to_mime_type()
+            };
+            self.put_image(Some(index), mime_type, bytes);
+        }
+        Ok(())
+    }
+
     /// Names an extension in a list of them, once.
     pub(super) fn name_extension(&mut self, list: &str, name: &str) {
         let names = array_of(&mut self.json, list);

@@ -173,7 +173,11 @@ fn others_are_shown_the_images_or_nothing() {
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let (json, bin) = parts(&fs::read(place.at("all/chair.glb")).unwrap());
     assert!(shown(&json, &bin, 1) == image::open(place.at("normal.png")).unwrap());
-    assert_eq!(json["images"][3]["uri"], "my%20glow.png");
+    assert!(
+        shown(&json, &bin, 3) == image::open(place.at("my glow.png")).unwrap(),
+        "what lay beside the scene"
+    );
+    assert_eq!((&json["images"][3]["mimeType"], json["images"][3].get("uri")), (&json!("image/png"), None));
     // Bound for its own place, a scene is not replaced.
     let run = place.run("pack chair.glb --out .");
     assert!(run.code == Some(1) && run.stderr.contains("over itself"), "{}", run.stderr);

@@ -314,7 +314,7 @@ pub fn first_step(depth: u8) -> u16 {
 }
 
 /// The numbers of steps, for a search that ends within 0.2 % of the bits or 0.02 dB.
-pub const STEPS: StepScale = StepScale { octave: OCTAVE_STEPS, most: MAX_STEP, near: 0.003 };
+pub const STEPS: StepScale = StepScale { octave: OCTAVE_STEPS, most: MAX_STEP, near: 0.003, jump: 1 };
 
 #[cfg(test)]
 mod tests {

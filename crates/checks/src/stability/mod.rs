@@ -59,16 +59,18 @@ struct Tools {
     single: ThreadPool,
     /// Two threads, to compare the files of one with; `None` for bounds alone.
     double: Option<ThreadPool>,
+    /// What times are multiples of, in CPU seconds.
+    unit: f64,
 }
 
 impl Tools {
     /// For bounds alone without GPU and without a second pool: the tests of the codecs and of their shaders cover both on other images.
     fn open(extent: Extent) -> Outcome<Tools> {
         let pool = |threads| ThreadPoolBuilder::new().num_threads(threads).build();
-        let single = pool(1)?;
+        let (single, unit) = (pool(1)?, images::unit());
         if extent == Extent::Bounds {
             let no_gpu = Some("bounds alone are checked on the CPU".to_owned());
-            return Ok(Tools { gpu: None, no_gpu, single, double: None });
+            return Ok(Tools { gpu: None, no_gpu, single, double: None, unit });
         }
         let policy = Policy::from_env();
         let (gpu, no_gpu) = match Gpu::new(policy) {
@@ -76,7 +78,7 @@ impl Tools {
             Err(error) if policy == Policy::Require => return Err(error.into()),
             Err(error) => (None, Some(error.to_string())),
         };
-        Ok(Tools { gpu, no_gpu, single, double: Some(pool(2)?) })
+        Ok(Tools { gpu, no_gpu, single, double: Some(pool(2)?), unit })
     }
 
     /// Whether `encode` gives the same file on two threads; `None` where this is not checked.

@@ -180,8 +180,6 @@ struct Search {
     /// Whether the last step met the goal.
     last_met: Option<bool>,
     trials: usize,
-    /// Whether the last step left more than half of the numbers between both sides: where bits or errors jump, lines are of no use.
-    is_slow: bool,
     /// How far beyond where the goal should be the next step goes while all are on one side of it.
     reach: f64,
 }
@@ -199,7 +197,6 @@ impl Search {
             weights,
             last_met,
             trials: 0,
-            is_slow: false,
             reach: 1.2,
         }
     }
@@ -213,12 +210,8 @@ impl Search {
 
     /// Whether the goal lies between two steps that are so near each other that a line joins what is between them.
     fn is_line(&self) -> bool {
-        self.apart().is_some_and(|apart| f64::from(apart) <= LINE * f64::from(self.scale.octave))
-    }
-
-    /// Numbers between the sides.
-    fn apart(&self) -> Option<u16> {
-        self.met.zip(self.missed).map(|((met, _), (missed, _))| met.abs_diff(missed))
+        let apart = self.met.zip(self.missed).map(|((met, _), (missed, _))| met.abs_diff(missed));
+        apart.is_some_and(|apart| f64::from(apart) <= LINE * f64::from(self.scale.octave))
     }
 
     /// Takes a step's excess; whether it is the best that meets the goal.
@@ -231,9 +224,7 @@ impl Search {
             Some(false) if !meets => self.weights.0 *= 0.5,
             _ => self.weights = (1.0, 1.0),
         }
-        let before = self.apart();
         *(if meets { &mut self.met } else { &mut self.missed }) = Some((step, excess));
-        self.is_slow = self.apart().zip(before).is_some_and(|(apart, before)| 2 * apart > before);
         meets
     }
 
@@ -246,9 +237,6 @@ impl Search {
                 let is_jump = (above - below) * f64::from(self.scale.octave) > STEEP * f64::from(high - low);
                 if high - low <= 1 || is_jump && high - low <= self.scale.jump {
                     return met;
-                }
-                if self.is_slow && self.trials >= LINE_TRIALS {
-                    return low + (high - low) / 2;
                 }
                 let (below, above) = (below * self.weights.0, above * self.weights.1);
                 let share = above / (above - below);

@@ -5,6 +5,7 @@
 mod regimes;
 mod sweeps;
 
+use std::hint::black_box;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::Instant;
@@ -38,6 +39,17 @@ const GOAL_DB: f64 = 30.0;
 const SLACK_DB: f64 = 0.1;
 /// Room for what a file says beside its content: header, table of sections, parameters, notes.
 const HEADER_BYTES: usize = 1024;
+/// Megatexels that smaller images count as: what does not grow with them takes time, too.
+const LEAST_MEGATEXELS: f64 = 1.0 / 16.0;
+/// CPU time that encoding any image may take at effort fast, in units a megatexel: about three times that of the slowest regime.
+const MOST_TIME: [(&str, f64); 6] = [
+    ("bc", 75.0),
+    ("vq", 1500.0),
+    ("epitome", 2000.0),
+    ("progressive", 600.0),
+    ("dct", 300.0),
+    ("auto", 1000.0),
+];
 /// What is added to values, and by how much PSNR may change for it.
 const NUDGE: f32 = 1e-7;
 const NUDGE_DB: f64 = 0.01;
@@ -54,6 +66,8 @@ struct Way {
     name: String,
     choice: Choice,
     access: Access,
+    /// The longest that encoding may take for any image.
+    most_time: f64,
 }
 
 /// All codecs by each of their ways to reach texels, and last the choice among them, for bounds alone by block, as it is by default.
@@ -69,6 +83,7 @@ fn ways(extent: Extent) -> Vec<Way> {
         name: format!("{name} by {}", access.name()),
         choice: choice.clone(),
         access,
+        most_time: MOST_TIME.iter().find(|(codec, _)| *codec == name).map_or(0.0, |&(_, most)| most),
     };
     all.flat_map(|(name, choice, accesses)| {
         accesses.iter().map(|&access| way(name, &choice, access)).collect::<Vec<Way>>()
@@ -111,19 +126,56 @@ fn rows_of(regime: &Regime, tools: &Tools, extent: Extent, say: &mut dyn FnMut(R
     let plain = plain(&images, tools);
     for way in ways(extent) {
         let start = Instant::now();
-        let made = guarded(|cancel| encode(&images, &way, &tools.single, cancel));
+        let (made, time) = tools.single.install(|| {
+            let before = thread_seconds();
+            let made = guarded(|cancel| encode(&images, &way, &tools.single, cancel));
+            (made, thread_seconds() - before)
+        });
         let bytes = made.as_ref().ok().and_then(|made| made.as_ref().ok()).map(AnyImage::to_bytes);
-        let outcome = match made {
+        let mut outcome = match made {
             Err(fault) => record::Outcome::Broken(fault),
             Ok(Err(EncodeError::Cancelled)) => record::Outcome::Broken("does not end in time".to_owned()),
             Ok(Err(error)) => record::Outcome::Refused(record::words(&error)),
             Ok(Ok(made)) => held(&images, &made, &way, plain.as_ref(), tools),
         };
+        if let record::Outcome::Made { checks, .. } = &mut outcome {
+            let megatexels = whole_cells(&images).max(LEAST_MEGATEXELS);
+            checks.push(Check::most(
+                "CPU time of encoding, units a megatexel",
+                time / tools.unit / megatexels,
+                way.most_time,
+            ));
+        }
         let pictures = pictures(&images, bytes.as_deref())?;
         let seconds = start.elapsed().as_secs_f64();
         say(Row { regime: regime.name, codec: way.name, outcome, seconds, pictures });
     }
     Ok(())
+}
+
+/// Megatexels of images whose sides are whole cells of 16 texels: a row of texels takes as long as the blocks that it is in.
+fn whole_cells(images: &ImageSet) -> f64 {
+    let of = |side: u32| f64::from(side.next_multiple_of(16));
+    images.images().iter().map(|image| of(image.size().width) * of(image.size().height) / 1e6).sum()
+}
+
+/// CPU seconds of this thread; 0 where the system has no `/proc`.
+fn thread_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    stat.split_whitespace().next().and_then(|nanoseconds| nanoseconds.parse::<f64>().ok()).unwrap_or(0.0)
+        / 1e9
+}
+
+/// CPU seconds of 2^24 dependent multiplications, the shortest of three: what times are compared with on machines of any speed.
+pub(super) fn unit() -> f64 {
+    let once = || {
+        let start = thread_seconds();
+        let product = (0..1u64 << 24)
+            .fold(1u64, |product, i| black_box(product.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ i));
+        black_box(product);
+        thread_seconds() - start
+    };
+    (0..3).map(|_| once()).fold(f64::INFINITY, f64::min)
 }
 
 /// What each regime is about.
@@ -149,7 +201,12 @@ fn encode(images: &ImageSet, way: &Way, pool: &ThreadPool, cancel: &Cancel) -> R
 
 /// Plain blocks for the same goal.
 fn plain(images: &ImageSet, tools: &Tools) -> Option<AnyImage> {
-    let way = Way { name: Bc::ID.name.to_owned(), choice: Choice::of::<Bc>(), access: Access::Texel };
+    let way = Way {
+        name: Bc::ID.name.to_owned(),
+        choice: Choice::of::<Bc>(),
+        access: Access::Texel,
+        most_time: 0.0,
+    };
     guarded(|cancel| encode(images, &way, &tools.single, cancel)).ok()?.ok()
 }
 

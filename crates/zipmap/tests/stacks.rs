@@ -391,6 +391,47 @@ fn a_patch_that_shows_nothing_new_or_that_others_hide_is_left_out() {
     );
 }
 
+#[test]
+fn texels_that_others_hide_take_no_bits_and_show_at_no_distance() {
+    let leaves = leaves();
+    let [wide, close] = [2.0, 2.6].map(|zoom| close_up(DVec2::splat(0.5), zoom, 0.1, DVec2::ZERO));
+    let below = shot(&leaves, &wide, PLAIN);
+    // Noise where the closer one lies over it, but for what filters read beside its border.
+    let noisy: Vec<Texel> = (0..SIZE.0 * SIZE.1)
+        .map(|i| {
+            let at = DVec2::new(f64::from(i % SIZE.0) + 0.5, f64::from(i / SIZE.0) + 0.5);
+            let at = project(&(close * wide.inverse()), at / DVec2::new(SIZE.0.into(), SIZE.1.into()));
+            let is_hidden = at.cmpgt(DVec2::splat(0.2)).all() && at.cmplt(DVec2::splat(0.8)).all();
+            let hash = (i ^ (i >> 7)).wrapping_mul(0x9e37_79b1);
+            let noise = f32::from(((hash ^ (hash >> 15)).wrapping_mul(0x85eb_ca6b) >> 24) as u8) / 255.0;
+            if is_hidden { Texel::splat(noise) } else { below.texel(i % SIZE.0, i / SIZE.0) }
+        })
+        .collect();
+    let white = vec![255; (SIZE.0 * SIZE.1) as usize];
+    let white = Raster::from_u8(SIZE.0, SIZE.1, 1, ColorSpace::Linear, &white).unwrap();
+    let params = ZipParams::default().with_goal(Goal::Psnr(36.0)).with_merge(false);
+    let [plain, noisy] = [below, photograph(&noisy, SIZE, PLAIN)].map(|below| {
+        let patch = |image, matrix| PatchSource { image, matrix, mask: Some(white.clone()), parent: None };
+        let stack = PatchStack {
+            root: shot(&leaves, &DMat3::IDENTITY, PLAIN),
+            images: vec![below, shot(&leaves, &close, PLAIN)],
+            patches: vec![patch(0, wide), patch(1, close)],
+        };
+        encode(&stack, &params).unwrap()
+    });
+    let bits = [&plain, &noisy].map(|texture| texture.memory().compressed as f64);
+    println!("{bits:?} bits");
+    assert_eq!(noisy.patches(), 2);
+    assert!(bits[1] < 1.01 * bits[0], "{bits:?}");
+    for side in [16, 40, 100, 300, 900] {
+        let [a, b] = [&plain, &noisy].map(|texture| texture.draw(Vec2::ZERO, Vec2::ONE, (side, side)));
+        let squares = a.iter().zip(&b).map(|(a, b)| f64::from((a - b).truncate().length_squared()) / 3.0);
+        let rms = 255.0 * (squares.sum::<f64>() / a.len() as f64).sqrt();
+        println!("{side} pixels: {rms:.3}");
+        assert!(rms < 2.5, "{side}: {rms}");
+    }
+}
+
 /// What a texture takes, its worst PSNR against the images, and texels of its patches' finest levels.
 fn figures(stack: &PatchStack, access: Access, goal: Goal) -> (f64, f64, u64) {
     let params = ZipParams::default().with_goal(goal).with_access(access).with_merge(false);

@@ -14,6 +14,7 @@ use texfold_dct::encode::{DctSetEncoder, DctSettings, DctSource, Estimate, STEPS
 use super::enlarge::change;
 use super::fault;
 use super::fit::{Fitted, Maker, fit};
+use super::trim;
 use crate::atlas::{Packing, pack};
 use crate::parts::{BLOCK_SIDE, ImageForm, Parts, Payload, atlas_layout, patch_pixel, root_layout};
 use crate::{ZipError, ZipTexture};
@@ -112,7 +113,7 @@ impl Sources {
         } else {
             let layout = atlas_layout(packing.1, maker.pixel);
             let channels = patch_pixel(maker.pixel).channels;
-            Some((layout, vec![atlas_source(canvas, &images, &packing, channels)?]))
+            Some((layout, vec![atlas_source(maker, &images, &packing, channels)?]))
         };
         Ok(Sources { root: (layout, root), atlas, images })
     }
@@ -193,22 +194,30 @@ fn source(size: ImageSize, channels: u8, texels: &[[u8; 4]]) -> Result<DctSource
 
 /// All levels of all patch images in one image, transparent between them. Colours are free where filtering reads no visible texel.
 fn atlas_source(
-    canvas: &super::canvas::Canvas,
+    maker: &Maker<'_>,
     images: &[ImageForm],
     (origins, (width, height)): &Packing,
     channels: u8,
 ) -> Result<DctSource, SourceError> {
+    let canvas = maker.canvas;
+    // A tolerance holds for every block.
+    let hides = !matches!(maker.params.goal, Goal::Tolerance(_));
     let (width, height) = (*width as usize, *height as usize);
     let mut texels = vec![[0u8; 4]; width * height];
     let mut is_read = vec![false; width * height];
-    for ((levels, image), origins) in canvas.levels.iter().zip(images).zip(origins) {
+    for (content, ((levels, image), origins)) in canvas.levels.iter().zip(images).zip(origins).enumerate() {
+        let index = canvas.laid.iter().position(|laid| laid.content == content).filter(|_| hides);
         for (level, (from, &(left, top))) in (0..).zip(levels.iter().zip(origins)) {
             let size = image.size.at_level(level);
             let across = size.width as usize;
+            let is_seen = match index {
+                Some(index) => trim::seen_texels(canvas, index, level, maker.cancel),
+                None => from.iter().map(|texel| texel[3] > 0).collect(),
+            };
             for (row, line) in from.chunks_exact(across).enumerate() {
                 let start = (top as usize + row) * width + left as usize;
                 texels[start..start + across].copy_from_slice(line);
-                for (x, _) in line.iter().enumerate().filter(|(_, texel)| texel[3] > 0) {
+                for x in (0..across).filter(|&x| is_seen[row * across + x]) {
                     // Bilinear filtering reads a visible texel together with those around it.
                     for y in row.saturating_sub(1)..=(row + 1).min(size.height as usize - 1) {
                         let start = (top as usize + y) * width + left as usize;

@@ -18,6 +18,8 @@ const PARTS: (f64, f64) = (3.0, 16.0);
 const LOOKUPS: u32 = 9 * LEVEL_SAMPLES;
 /// What is seen of a hidden patch at most.
 const HIDDEN: f32 = 1.0 / 255.0;
+/// Sides of pixels that read a level, in its texels.
+const PIXELS: [f64; 3] = [0.5, 1.0, 2.0];
 
 /// Places of texels, evenly thinned.
 fn places((width, height): (u32, u32), most: u32) -> Vec<(u32, u32)> {
@@ -117,6 +119,34 @@ pub(crate) fn lost(canvas: &Canvas, index: usize, color: ColorSpace) -> f64 {
 /// Texels of a level, each as far as it is seen.
 pub(crate) fn seen(texels: &[[u8; 4]]) -> f64 {
     texels.iter().map(|texel| (f64::from(texel[3]) / 255.0).powi(2)).sum()
+}
+
+/// Whether each texel of a level of a patch is seen: whether those laid later leave more than [`HIDDEN`] of it to pixels of the sizes that read the level.
+pub(crate) fn seen_texels(canvas: &Canvas, index: usize, level: u32, cancel: CancelCheck<'_>) -> Vec<bool> {
+    let laid = &canvas.laid[index];
+    let texels = &canvas.levels[laid.content][level as usize];
+    let later: Vec<u16> =
+        canvas.touching(&laid.matrix).into_iter().filter(|&other| usize::from(other) > index).collect();
+    let is_alone = canvas.laid.iter().filter(|other| other.content == laid.content).count() == 1;
+    if later.is_empty() || !is_alone || cancel.is_cancelled() {
+        return texels.iter().map(|texel| texel[3] > 0).collect();
+    }
+    let table = canvas.table(&[]);
+    let view = canvas.view(&table);
+    let inverse = laid.matrix.inverse();
+    let (width, height) = ((laid.size.0 >> level).max(1), (laid.size.1 >> level).max(1));
+    let size = DVec2::new(f64::from(width), f64::from(height)).recip();
+    let is_seen = |(number, texel): (usize, &[u8; 4])| {
+        let (x, y) = (number as u32 % width, number as u32 / width);
+        let at = (DVec2::new(f64::from(x), f64::from(y)) + 0.5) * size;
+        let left = |pixel: DVec2| {
+            let at = Footprint::of(&inverse, at, pixel);
+            let own = f32::from(texel[3]) / 255.0;
+            later.iter().fold(own, |left, &other| left * (1.0 - cover(&view, other, &at)))
+        };
+        texel[3] > 0 && PIXELS.iter().any(|&pixel| left(size * pixel) > HIDDEN)
+    };
+    texels.par_iter().enumerate().map(is_seen).collect()
 }
 
 /// Patches of which those laid later leave nothing to be seen.

@@ -1,4 +1,4 @@
-//! No more than needed: mip levels equal to what lies under them, patches that are transparent or that others hide.
+//! No more than needed: without mip levels equal to what lies under them, patches that are transparent or hidden, and colours of hidden texels.
 
 use glam::{DVec2, IVec2};
 use rayon::prelude::*;

@@ -237,7 +237,7 @@ impl ZipTexture {
     }
 
     /// The same texture without its patches from `count` on: the root alone where that is 0. Blocks hold all patch images
-    /// together, so that these stay as long as there is a patch.
+    /// together, so that these stay as long as there is a patch; where a patch that is left out would hide others, they are smooth.
     #[must_use]
     pub fn first_patches(&self, count: usize) -> ZipTexture {
         let mut parts = self.parts.clone();

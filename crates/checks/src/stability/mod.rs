@@ -59,7 +59,7 @@ struct Tools {
     single: ThreadPool,
     /// Two threads, to compare the files of one with; `None` for bounds alone.
     double: Option<ThreadPool>,
-    /// What times are multiples of, in CPU seconds.
+    /// The unit of times, in CPU seconds; 0 where the system does not report them.
     unit: f64,
 }
 

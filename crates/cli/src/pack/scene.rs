@@ -135,7 +135,7 @@ impl Scene {
         number
     }
 
-    /// Puts images that lie beside the scene into it, where textures name them: from another folder their names lead nowhere.
+    /// Embeds images that lie beside the scene and that textures name: from another folder their names lead nowhere.
     pub(super) fn take_images(&mut self) -> Result<(), CliError> {
         let mut textures = Value::Array(self.list("textures").to_vec());
         let named = renumber(&mut textures, "source", self.list("images").len());

@@ -140,7 +140,7 @@ pub struct StepScale {
 
 impl StepScale {
     /// The scale of a search at that effort: at [`Effort::Fast`] it ends within 1 % of the bits or of a block's error, or 0.09 dB, of the goal, or
-    /// at a jump between two steps that differ by 5 %, else as `self`.
+    /// at a jump between two steps that differ by 4 %, else as `self`.
     #[must_use]
     pub fn at(self, effort: Effort) -> Self {
         match effort {

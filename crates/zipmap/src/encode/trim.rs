@@ -1,4 +1,4 @@
-//! No more than needed: without mip levels equal to what lies under them, patches that are transparent or hidden, and colours of hidden texels.
+//! Removal of what is not needed: mip levels equal to what lies under them, patches that are transparent or hidden, colours of hidden texels.
 
 use glam::{DVec2, IVec2};
 use rayon::prelude::*;
@@ -6,7 +6,7 @@ use texfold_core::image::{ColorSpace, linear_to_srgb, srgb_to_linear};
 use texfold_core::{CancelCheck, Texel};
 
 use super::canvas::{Canvas, Footprint, Laid, colour, cover};
-use crate::decode::texfold_zipmap_blend;
+use crate::decode::{ZipmapView, texfold_zipmap_blend};
 
 /// Most texels of a patch that are looked at.
 const SAMPLES: u32 = 1 << 14;
@@ -121,12 +121,22 @@ pub(crate) fn seen(texels: &[[u8; 4]]) -> f64 {
     texels.iter().map(|texel| (f64::from(texel[3]) / 255.0).powi(2)).sum()
 }
 
-/// Whether each texel of a level of a patch is seen: whether those laid later leave more than [`HIDDEN`] of it to pixels of the sizes that read the level.
+/// Patches laid later than patch `index` that share some of the root with it.
+fn later(canvas: &Canvas, index: usize) -> Vec<u16> {
+    let touching = canvas.touching(&canvas.laid[index].matrix);
+    touching.into_iter().filter(|&other| usize::from(other) > index).collect()
+}
+
+/// Opacity, 0 to 1, that later patches leave of a texel under a footprint.
+fn left(view: &ZipmapView<'_>, later: &[u16], alpha: u8, at: &Footprint) -> f32 {
+    later.iter().fold(f32::from(alpha) / 255.0, |left, &other| left * (1.0 - cover(view, other, at)))
+}
+
+/// Visibility of each texel of a level of a patch: true where later patches leave more than [`HIDDEN`] of it to a pixel of a size that reads the level.
 pub(crate) fn seen_texels(canvas: &Canvas, index: usize, level: u32, cancel: CancelCheck<'_>) -> Vec<bool> {
     let laid = &canvas.laid[index];
     let texels = &canvas.levels[laid.content][level as usize];
-    let later: Vec<u16> =
-        canvas.touching(&laid.matrix).into_iter().filter(|&other| usize::from(other) > index).collect();
+    let later = later(canvas, index);
     let is_alone = canvas.laid.iter().filter(|other| other.content == laid.content).count() == 1;
     if later.is_empty() || !is_alone || cancel.is_cancelled() {
         return texels.iter().map(|texel| texel[3] > 0).collect();
@@ -139,11 +149,7 @@ pub(crate) fn seen_texels(canvas: &Canvas, index: usize, level: u32, cancel: Can
     let is_seen = |(number, texel): (usize, &[u8; 4])| {
         let (x, y) = (number as u32 % width, number as u32 / width);
         let at = (DVec2::new(f64::from(x), f64::from(y)) + 0.5) * size;
-        let left = |pixel: DVec2| {
-            let at = Footprint::of(&inverse, at, pixel);
-            let own = f32::from(texel[3]) / 255.0;
-            later.iter().fold(own, |left, &other| left * (1.0 - cover(&view, other, &at)))
-        };
+        let left = |pixel: DVec2| left(&view, &later, texel[3], &Footprint::of(&inverse, at, pixel));
         texel[3] > 0 && PIXELS.iter().any(|&pixel| left(size * pixel) > HIDDEN)
     };
     texels.par_iter().enumerate().map(is_seen).collect()
@@ -157,18 +163,14 @@ pub(crate) fn hidden(canvas: &Canvas, cancel: CancelCheck<'_>) -> Vec<usize> {
         let laid = &canvas.laid[*index];
         let inverse = laid.matrix.inverse();
         let texel = DVec2::new(1.0 / f64::from(laid.size.0), 1.0 / f64::from(laid.size.1));
-        let later: Vec<u16> =
-            canvas.touching(&laid.matrix).into_iter().filter(|&other| usize::from(other) > *index).collect();
+        let later = later(canvas, *index);
         if later.is_empty() || cancel.is_cancelled() {
             return false;
         }
         places(laid.size, SAMPLES).into_par_iter().all(|(x, y)| {
             let own = canvas.levels[laid.content][0][(y * laid.size.0 + x) as usize][3];
             let at = Footprint::of(&inverse, (DVec2::new(f64::from(x), f64::from(y)) + 0.5) * texel, texel);
-            let seen = later
-                .iter()
-                .fold(f32::from(own) / 255.0, |seen, &other| seen * (1.0 - cover(&view, other, &at)));
-            seen <= HIDDEN
+            left(&view, &later, own, &at) <= HIDDEN
         })
     };
     (0..canvas.laid.len()).filter(is_hidden).collect()

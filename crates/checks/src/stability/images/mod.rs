@@ -41,7 +41,7 @@ const SLACK_DB: f64 = 0.1;
 const HEADER_BYTES: usize = 1024;
 /// Megatexels that smaller images count as: what does not grow with them takes time, too.
 const LEAST_MEGATEXELS: f64 = 1.0 / 16.0;
-/// CPU time that encoding any image may take at effort fast, in units a megatexel: about three times that of the slowest regime.
+/// CPU time that encoding any image may take at effort fast, in [`unit`]s a megatexel: two to three times that of the slowest regime.
 const MOST_TIME: [(&str, f64); 6] = [
     ("bc", 75.0),
     ("vq", 1500.0),
@@ -138,7 +138,10 @@ fn rows_of(regime: &Regime, tools: &Tools, extent: Extent, say: &mut dyn FnMut(R
             Ok(Err(error)) => record::Outcome::Refused(record::words(&error)),
             Ok(Ok(made)) => held(&images, &made, &way, plain.as_ref(), tools),
         };
-        if let record::Outcome::Made { checks, .. } = &mut outcome {
+        // The unit is 0 where CPU time is not known.
+        if let record::Outcome::Made { checks, .. } = &mut outcome
+            && tools.unit > 0.0
+        {
             let megatexels = whole_cells(&images).max(LEAST_MEGATEXELS);
             checks.push(Check::most(
                 "CPU time of encoding, units a megatexel",

@@ -1,7 +1,7 @@
 //! What the benches that write tables and charts share: parts of images, CPU time, tables, charts of lines.
 
 use std::error::Error;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use texfold::core::image::Raster;
 use texfold_chart::{Axis, Chart, Kind, Names, SMALL, Scale, Series};
@@ -40,21 +40,6 @@ pub fn reduced(image: &Raster, factor: u32) -> Outcome<Raster> {
     };
     let texels: Vec<_> = (0..width * height).map(texel).collect();
     Ok(Raster::from_texels(width, height, image.info(), &texels)?)
-}
-
-/// The image of that name, or all PNG and JPEG images of the folder, in the order of their names.
-///
-/// # Errors
-/// A folder that cannot be read.
-pub fn images_of(path: &Path) -> Outcome<Vec<PathBuf>> {
-    if !path.is_dir() {
-        return Ok(vec![path.to_owned()]);
-    }
-    let entries = std::fs::read_dir(path)?.collect::<Result<Vec<_>, _>>()?;
-    let is_image = |path: &PathBuf| path.extension().is_some_and(|name| name == "png" || name == "jpg");
-    let mut images: Vec<PathBuf> = entries.iter().map(|entry| entry.path()).filter(is_image).collect();
-    images.sort();
-    Ok(images)
 }
 
 /// RMS error in percent of the full range, as the paper gives it.

@@ -4,6 +4,7 @@
 //! `texfold-checks` and of the program `texfold`, which are built for release and started.
 
 mod api;
+mod chart;
 mod ci;
 mod fuzz;
 mod mutate;
@@ -37,6 +38,8 @@ enum Task {
     Mutate(mutate::MutateArgs),
     /// Lint and test the packages that changed, and what holds for every codec.
     Quick(quick::QuickArgs),
+    /// Compare codecs as README shows it, and draw its charts again (benches/chart).
+    Chart(chart::ChartArgs),
     /// Run the fuzz targets of fuzz/.
     Fuzz(fuzz::FuzzArgs),
     /// Kill the program, take its space and its threads, and expect whole files.
@@ -57,6 +60,7 @@ enum Task {
 fn main() -> ExitCode {
     match Tasks::parse().task {
         Task::Tidy => tidy::run(),
+        Task::Chart(args) => chart::run(&args),
         Task::Mutate(args) => mutate::run(&args),
         Task::Quick(args) => quick::run(&args),
         Task::Fuzz(args) => fuzz::run(&args),

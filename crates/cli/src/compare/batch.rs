@@ -6,7 +6,7 @@ use super::chart::{CEILING_DB, Line};
 use super::table::Row;
 
 /// The batch of a series on all inputs.
-pub(super) fn batch(line: &Line<'_>, effort: &str) -> Value {
+pub(super) fn batch(line: &Line<'_>) -> Value {
     let fields: Vec<Field> =
         FIELDS.into_iter().filter(|field| line.rows.iter().all(|row| (field.2)(row).is_some())).collect();
     let described =
@@ -17,7 +17,6 @@ pub(super) fn batch(line: &Line<'_>, effort: &str) -> Value {
         ("codec", "Name of the codec", line.rows[0].codec.clone()),
         ("version", "Version of Texfold", env!("CARGO_PKG_VERSION").to_owned()),
         ("time", "Seconds since 1970", seconds.map_or(0, |time| time.as_secs()).to_string()),
-        ("effort", "Effort of encoders", effort.to_owned()),
     ];
     json!({
         "constant_descriptions": constants.iter().map(|(name, what, _)| described(name, what)).collect::<Vec<_>>(),
@@ -32,9 +31,10 @@ pub(super) fn batch(line: &Line<'_>, effort: &str) -> Value {
 /// Name, description and value; a field that a row lacks is left out.
 type Field = (&'static str, &'static str, fn(&Row) -> Option<Value>);
 
-const FIELDS: [Field; 13] = [
+const FIELDS: [Field; 14] = [
     ("original_name", "Input", |row| Some(json!(row.input))),
     ("settings", "Settings of the codec", |row| Some(json!(row.settings))),
+    ("effort", "Effort of the encoder", |row| Some(json!(row.effort))),
     ("width", "Pixel columns of the first image", |row| Some(json!(row.size.0))),
     ("height", "Pixel rows of the first image", |row| Some(json!(row.size.1))),
     ("encoded_size", "Bytes of the file", |row| Some(json!((row.bpp_disk * row.texels / 8.0).round()))),

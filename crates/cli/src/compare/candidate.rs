@@ -7,12 +7,13 @@ use texfold::{
     encoding::{ENCODINGS, Encoding},
     vq::{Vq, VqParams},
 };
+use texfold_core::Metric;
 use texfold_core::image::{ColorSpace, PixelInfo};
-use texfold_core::{Effort, Metric};
 
 use super::rival::Astcenc;
 use super::storage::Storage;
-use super::suite::Suite;
+use super::suite::{AUTO, AstcPreset, Suite};
+use crate::config::EffortName;
 
 /// Name of the external encoder's codec.
 pub(crate) const RIVAL: &str = "astc";
@@ -36,9 +37,6 @@ const DRAWN_BPP: [f64; 2] = [0.5, 2.0];
 /// Log2 downscale of width and height of plain blocks.
 const HALVINGS: std::ops::RangeInclusive<u32> = 0..=2;
 
-/// Side of the rival's blocks whose image is drawn.
-const DRAWN_SIDE: u32 = 8;
-
 /// One setting of one codec.
 #[derive(Debug, Clone)]
 pub(crate) struct Candidate {
@@ -48,6 +46,8 @@ pub(crate) struct Candidate {
     pub(crate) series: String,
     /// The settings in words.
     pub(crate) settings: String,
+    /// How long its encoder searches, in the words of that encoder; empty where it has no choice.
+    pub(crate) effort: String,
     /// Whether the report has an image of it.
     pub(crate) has_thumbnail: bool,
     /// How it is made.
@@ -55,9 +55,17 @@ pub(crate) struct Candidate {
 }
 
 impl Candidate {
-    /// Codec, series and settings.
-    pub(super) fn words(&self) -> (&str, &str, &str) {
-        (self.codec, &self.series, &self.settings)
+    /// With its effort in its settings, which others have with another one.
+    fn named(mut self) -> Candidate {
+        if !self.effort.is_empty() {
+            self.settings = format!("{}, {}", self.settings, self.effort);
+        }
+        self
+    }
+
+    /// Codec, series, settings and effort.
+    pub(super) fn words(&self) -> [&str; 4] {
+        [self.codec, &self.series, &self.settings, &self.effort]
     }
 }
 
@@ -68,22 +76,56 @@ pub(crate) enum Way {
     Fixed(&'static Encoding, Box<EncodeSettings>),
     /// By a codec within a goal; neighbours of one codec and family may share a search.
     Goal(&'static Encoding, Box<EncodeSettings>),
+    /// By the codec that is best within a goal.
+    Auto(Box<EncodeSettings>),
     /// By the external encoder of ASTC, in blocks of that side.
-    Rival(Astcenc, u32),
+    Rival(Astcenc, u32, AstcPreset),
     /// As a JPEG that is decoded by block.
     Jpeg(u8),
     /// By a format for storage, within a number of bits a texel.
     Storage(Storage, f64),
 }
 
-/// Settings of a suite that suit such pixels, the rival's where it is installed, and those of formats for storage.
+/// Settings of a suite that suit such pixels, at `effort` where the suite has none, the rival's where it is installed, and those of formats
+/// for storage.
 pub(crate) fn candidates(
     suite: &Suite,
     pixel: PixelInfo,
-    effort: Effort,
+    effort: EffortName,
     astcenc: Option<&Astcenc>,
     storage: &[Storage],
 ) -> Vec<Candidate> {
+    let efforts = suite.efforts(effort);
+    let mut found: Vec<Candidate> = efforts
+        .iter()
+        .flat_map(|&effort| ours(suite, pixel, effort))
+        .map(named_if(efforts.len() > 1))
+        .collect();
+    let presets = suite.astc_presets();
+    let of_rival = astcenc.into_iter().flat_map(|astcenc| {
+        presets.iter().flat_map(move |&preset| {
+            suite.astc.iter().map(move |&side| rival(astcenc, side, &suite.astc, preset))
+        })
+    });
+    found.extend(of_rival.map(named_if(presets.len() > 1)));
+    if matches!(pixel.color_channels(), 1 | 3) && !pixel.has_extra() {
+        found.extend(suite.jpeg.iter().map(|&quality| jpeg(quality)));
+    }
+    for format in storage {
+        let speeds = format.speeds(suite.avif_speeds());
+        let of_format = speeds.iter().flat_map(|format| stored(format, suite.storage()));
+        found.extend(of_format.map(named_if(speeds.len() > 1)));
+    }
+    found
+}
+
+/// Candidates with their effort in their settings, if several efforts are compared.
+fn named_if(is_one_of_several: bool) -> impl Fn(Candidate) -> Candidate {
+    move |candidate| if is_one_of_several { candidate.named() } else { candidate }
+}
+
+/// Those of plain blocks and of our codecs.
+fn ours(suite: &Suite, pixel: PixelInfo, effort: EffortName) -> Vec<Candidate> {
     let mut found = Vec::new();
     if suite.plain {
         let plain = |content| HALVINGS.map(move |reduce_log2| plain(content, reduce_log2, effort));
@@ -94,11 +136,11 @@ pub(crate) fn candidates(
     }
     let wanted = ENCODINGS.iter().filter(|encoding| suite.has(encoding.id.name));
     found.extend(wanted.flat_map(|encoding| within_goals(encoding, suite, pixel, effort)));
-    found.extend(astcenc.into_iter().flat_map(|astcenc| suite.astc.iter().map(|&side| rival(astcenc, side))));
-    if matches!(pixel.color_channels(), 1 | 3) && !pixel.has_extra() {
-        found.extend(suite.jpeg.iter().map(|&quality| jpeg(quality)));
+    if suite.has_auto() {
+        let bits = suite.bpp.as_deref().unwrap_or(&DRAWN_BPP);
+        let of_metric = |metric| bits.iter().map(move |&bpp| auto(bpp, bits, metric, effort));
+        found.extend(metrics(suite, true).into_iter().flat_map(of_metric));
     }
-    found.extend(storage.iter().flat_map(|format| stored(format, suite.storage())));
     found
 }
 
@@ -111,6 +153,16 @@ fn plain_formats(pixel: PixelInfo) -> &'static [Content] {
         (3, _) => &[Content::Bc1, Content::Bc7],
         _ => &[Content::Bc3, Content::Bc7],
     }
+}
+
+/// The codec that is best within a number of bits.
+fn auto(bpp: f64, all: &[f64], metric: Option<Metric>, effort: EffortName) -> Candidate {
+    let (goal, searched) = (Goal::Bpp(bpp), effort.effort());
+    let encode = EncodeSettings { goal, metric, effort: searched, ..EncodeSettings::default() };
+    let (mut settings, mut series) = (format!("{bpp} bpp"), AUTO.to_owned());
+    name_metric(metric, &mut settings, &mut series);
+    let (effort, has_thumbnail) = (effort.name().to_owned(), is_drawn(bpp, all));
+    Candidate { codec: AUTO, series, settings, effort, has_thumbnail, way: Way::Auto(Box::new(encode)) }
 }
 
 /// Whether an image is drawn at these bits, of all that a series has.
@@ -126,13 +178,14 @@ fn stored<'f>(format: &'f Storage, goals: &'f [f64]) -> impl Iterator<Item = Can
         codec: format.name(),
         series: format.name().to_owned(),
         settings: format!("{goal} bpp"),
+        effort: format.effort(),
         has_thumbnail: is_drawn(goal, goals),
         way: Way::Storage(format.clone(), goal),
     })
 }
 
 /// Plain blocks of a fixed format, scaled down.
-fn plain(content: Content, reduce_log2: u32, effort: Effort) -> Option<Candidate> {
+fn plain(content: Content, reduce_log2: u32, effort: EffortName) -> Option<Candidate> {
     let name = content.name();
     let settings =
         if reduce_log2 == 0 { name.to_owned() } else { format!("{name} at 1/{}", 1 << reduce_log2) };
@@ -140,24 +193,39 @@ fn plain(content: Content, reduce_log2: u32, effort: Effort) -> Option<Candidate
     let mut own = BcParams::default();
     (own.reduce_log2,) = (Some(reduce_log2),);
     let way = fixed(Choice::of::<Bc>().with::<Bc>(own), content, effort)?;
-    Some(Candidate { codec: Bc::ID.name, series: name.to_uppercase(), settings, has_thumbnail, way })
+    let (series, effort) = (name.to_uppercase(), effort.name().to_owned());
+    Some(Candidate { codec: Bc::ID.name, series, settings, effort, has_thumbnail, way })
 }
 
 /// Vector quantisation with a codebook of a fixed size.
-fn codebook((width, height): (u32, u32), content: Content, effort: Effort) -> Option<Candidate> {
+fn codebook((width, height): (u32, u32), content: Content, effort: EffortName) -> Option<Candidate> {
     let settings = format!("{width}x{height} {}", content.name());
     let mut own = VqParams::default();
     (own.codebook,) = (Some((width, height)),);
     let way = fixed(Choice::of::<Vq>().with::<Vq>(own), content, effort)?;
-    let series = "vq, codebooks of fixed sizes".to_owned();
-    Some(Candidate { codec: Vq::ID.name, series, settings, has_thumbnail: false, way })
+    let (series, effort) = ("vq, codebooks of fixed sizes".to_owned(), effort.name().to_owned());
+    Some(Candidate { codec: Vq::ID.name, series, settings, effort, has_thumbnail: false, way })
 }
 
-fn fixed(codec: Choice, content: Content, effort: Effort) -> Option<Way> {
+fn fixed(codec: Choice, content: Content, effort: EffortName) -> Option<Way> {
     let encoding = codec.encoding()?;
-    let content = Some(content);
+    let (content, effort) = (Some(content), effort.effort());
     let settings = EncodeSettings { codec, goal: ANY_SIZE, content, effort, ..EncodeSettings::default() };
     Some(Way::Fixed(encoding, Box::new(settings)))
+}
+
+/// What errors count for a codec, `None` for its own choice.
+fn metrics(suite: &Suite, has_metric: bool) -> Vec<Option<Metric>> {
+    let metrics = suite.metrics().unwrap_or_default();
+    if metrics.is_empty() || !has_metric { vec![None] } else { metrics.into_iter().map(Some).collect() }
+}
+
+/// Adds a metric to settings and series.
+fn name_metric(metric: Option<Metric>, settings: &mut String, series: &mut String) {
+    let Some(metric) = metric else { return };
+    settings.push(' ');
+    settings.push_str(metric.name());
+    series.push_str(if metric == Metric::Psnr { ", for PSNR" } else { ", for the eye" });
 }
 
 /// A codec within numbers of bits, with each family of formats that suits and for each metric.
@@ -165,34 +233,26 @@ fn within_goals(
     encoding: &'static Encoding,
     suite: &Suite,
     pixel: PixelInfo,
-    effort: Effort,
+    effort: EffortName,
 ) -> Vec<Candidate> {
     let bits = suite.bpp.as_deref().filter(|_| !encoding.compared_bpp.is_empty());
     let bits = bits.unwrap_or(encoding.compared_bpp);
-    let metrics = suite.metrics().unwrap_or_default();
-    let metrics: Vec<Option<Metric>> = if encoding.has_metric && !metrics.is_empty() {
-        metrics.into_iter().map(Some).collect()
-    } else {
-        vec![None]
-    };
+    let metrics = metrics(suite, encoding.has_metric);
     let candidate = |metric: Option<Metric>, family: Family, bpp: f64| {
-        let goal = Goal::Bpp(bpp);
-        let settings = EncodeSettings { goal, metric, family, effort, ..EncodeSettings::default() };
+        let (goal, searched) = (Goal::Bpp(bpp), effort.effort());
+        let settings = EncodeSettings { goal, metric, family, effort: searched, ..EncodeSettings::default() };
         let mut words = format!("{bpp} bpp");
         let mut series = encoding.id.name.to_owned();
         if family == Family::ErrorMap {
             words.push_str(" residual plane");
             series.push_str(" with residual plane");
         }
-        if let Some(metric) = metric {
-            words.push(' ');
-            words.push_str(metric.name());
-            series.push_str(if metric == Metric::Psnr { ", for PSNR" } else { ", for the eye" });
-        }
+        name_metric(metric, &mut words, &mut series);
         Candidate {
             codec: encoding.id.name,
             series,
             settings: words,
+            effort: effort.name().to_owned(),
             has_thumbnail: is_drawn(bpp, bits),
             way: Way::Goal(encoding, Box::new(settings)),
         }
@@ -205,13 +265,16 @@ fn within_goals(
 }
 
 /// ASTC by the external encoder.
-fn rival(astcenc: &Astcenc, side: u32) -> Candidate {
+fn rival(astcenc: &Astcenc, side: u32, all: &[u32], preset: AstcPreset) -> Candidate {
+    let bits = |side: u32| 128.0 / f64::from(side * side);
+    let all: Vec<f64> = all.iter().map(|&side| bits(side)).collect();
     Candidate {
         codec: RIVAL,
         series: "ASTC".to_owned(),
         settings: format!("{side}x{side}"),
-        has_thumbnail: side == DRAWN_SIDE,
-        way: Way::Rival(astcenc.clone(), side),
+        effort: preset.name().to_owned(),
+        has_thumbnail: is_drawn(bits(side), &all),
+        way: Way::Rival(astcenc.clone(), side, preset),
     }
 }
 
@@ -221,6 +284,7 @@ fn jpeg(quality: u8) -> Candidate {
         codec: JPEG,
         series: "JPEG texture".to_owned(),
         settings: format!("q{quality}"),
+        effort: String::new(),
         has_thumbnail: false,
         way: Way::Jpeg(quality),
     }

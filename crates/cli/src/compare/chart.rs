@@ -1,17 +1,17 @@
 //! Charts of means: curves of series over bits, and what a series costs at equal bits.
 
-use texfold_chart::{Chart, Kind, NARROW, Names, Point, Scale, Series};
+use texfold_chart::{Axis, Chart, Kind, NARROW, Names, Point, SMALL, Scale, Series};
 
 use super::curve::Curve;
 use super::light;
 use super::storage;
-use super::table::Row;
+use super::table::{Row, means};
 
 /// PSNR above which a point is drawn at the edge: lossless results would flatten all others.
 pub(super) const CEILING_DB: f64 = 60.0;
 
-/// Bits a texel at which speeds are compared.
-pub(super) const EQUAL_BPP: f64 = 2.0;
+/// Octaves of bits within which a setting has the bits at which speeds are compared.
+const EQUAL_OCTAVES: f64 = 0.1;
 
 /// A figure of quality, better where it is larger.
 #[derive(Debug, Clone, Copy)]
@@ -34,7 +34,7 @@ struct Across {
     value: fn(&Row) -> Option<f64>,
     /// What ticks are powers of two of.
     unit: f64,
-    /// Whether it is compared at [`EQUAL_BPP`] alone.
+    /// Whether it is compared at equal bits alone.
     is_at_equal_bits: bool,
 }
 
@@ -81,21 +81,21 @@ const DECODED: Across = Across {
     ..HELD
 };
 const ENCODING: Across = Across {
-    title: "Encoding at 2 bits",
+    title: "Encoding",
     label: "CPU seconds a megatexel",
     value: Row::cpu_seconds_a_megatexel,
     unit: 1.0,
     is_at_equal_bits: true,
 };
 const CPU: Across = Across {
-    title: "Decoding at 2 bits on one CPU thread",
+    title: "Decoding on one CPU thread",
     label: "texels decoded a second",
     value: |row| row.decode_cpu_texels_per_second,
     unit: 1e6,
     is_at_equal_bits: true,
 };
 const GPU: Across =
-    Across { title: "Decoding at 2 bits on the GPU", value: |row| row.decode_gpu_texels_per_second, ..CPU };
+    Across { title: "Decoding on the GPU", value: |row| row.decode_gpu_texels_per_second, ..CPU };
 
 /// The settings of a series.
 #[derive(Debug)]
@@ -104,27 +104,48 @@ pub(super) struct Line<'r> {
     pub(super) rows: Vec<&'r Row>,
 }
 
-impl Line<'_> {
-    pub(super) fn curve(&self, quality: Quality) -> Curve {
-        Curve::new(self.rows.iter().filter_map(|row| Some((row.bpp_memory, (quality.value)(row)?))))
+impl<'r> Line<'r> {
+    /// Its settings for each effort.
+    fn by_effort(&self) -> Vec<Line<'r>> {
+        let mut lines: Vec<Line<'r>> = Vec::new();
+        for &row in &self.rows {
+            match lines.iter_mut().find(|line| line.rows[0].effort == row.effort) {
+                Some(line) => line.rows.push(row),
+                None => lines.push(Line { name: self.name, rows: vec![row] }),
+            }
+        }
+        lines
     }
 
-    /// A figure at [`EQUAL_BPP`], between the settings beside it by the logarithms of both.
-    fn at_equal_bits(&self, value: fn(&Row) -> Option<f64>) -> Option<f64> {
+    /// Its settings of the last effort, which is the slowest one.
+    fn slowest(&self) -> impl Iterator<Item = &'r Row> {
+        let effort = self.rows.last().map(|row| &row.effort);
+        self.rows.iter().copied().filter(move |row| Some(&row.effort) == effort)
+    }
+
+    pub(super) fn curve(&self, quality: Quality) -> Curve {
+        Curve::new(self.slowest().filter_map(|row| Some((row.bpp_memory, (quality.value)(row)?))))
+    }
+
+    /// A figure and a quality at so many bits: of the setting that has them, else between the settings beside them, of the figure
+    /// by the logarithms of both.
+    fn at_bits(&self, bpp: f64, value: fn(&Row) -> Option<f64>, quality: Quality) -> Option<(f64, f64)> {
+        let away = |row: &Row| (row.bpp_memory / bpp).log2().abs();
+        let near = self.rows.iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
+        if away(near) < EQUAL_OCTAVES {
+            return value(near).filter(|value| *value > 0.0).zip((quality.value)(near));
+        }
         let mut points: Vec<(f64, f64)> = self
             .rows
             .iter()
             .filter_map(|row| Some((row.bpp_memory.log2(), value(row).filter(|value| *value > 0.0)?.log2())))
             .collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let place = EQUAL_BPP.log2();
+        let place = bpp.log2();
         let next = points.iter().position(|point| point.0 >= place)?;
-        let ((x0, y0), (x1, y1)) = (points[next.checked_sub(1).unwrap_or(next)], points[next]);
-        if next == 0 && x1 > place {
-            return None;
-        }
+        let ((x0, y0), (x1, y1)) = (points[next.checked_sub(1)?], points[next]);
         let share = if x1 > x0 { (place - x0) / (x1 - x0) } else { 1.0 };
-        Some((y0 + (y1 - y0) * share).exp2())
+        Some(((y0 + (y1 - y0) * share).exp2(), self.curve(quality).quality_at(bpp)?))
     }
 }
 
@@ -147,51 +168,78 @@ pub(super) fn comparable(means: &[Row]) -> Vec<Row> {
 }
 
 /// A legend of all series, and the charts that have points.
-pub(super) fn svgs(means: &[Row]) -> (String, Vec<String>) {
+pub(super) fn svgs(means: &[Row], equal_bpp: f64) -> (String, Vec<String>) {
+    let drawn = drawn(means, equal_bpp);
+    let legend = drawn.first().map_or(String::new(), |(_, _, series)| texfold_chart::legend(series));
+    let svg = |(across, quality, series)| svg(across, quality, series, equal_bpp, (NARROW, Names::Outside));
+    (legend, drawn.into_iter().map(svg).collect())
+}
+
+/// The charts of rows as files, by their names.
+pub(super) fn files(rows: &[Row], equal_bpp: f64) -> Vec<(String, String)> {
+    let (of_light, of_images): (Vec<Row>, Vec<Row>) = rows.iter().cloned().partition(light::is_light);
+    let mut files = Vec::new();
+    for rows in [of_images, of_light] {
+        for (across, quality, mut series) in drawn(&comparable(&means(&rows)), equal_bpp) {
+            // The front is the line of a series, or near it.
+            series.retain(|series| series.kind != Kind::Dashed);
+            series.iter_mut().flat_map(|series| &mut series.points).for_each(|point| point.name.clear());
+            let name = format!("{} {}.svg", across.title, quality.name).to_lowercase();
+            let name = name.replace(", ", " ").replace(' ', "-");
+            files.push((name, svg(across, quality, series, equal_bpp, (SMALL, Names::Above))));
+        }
+    }
+    files
+}
+
+/// The charts that have points.
+fn drawn(means: &[Row], equal_bpp: f64) -> Vec<(Across, Quality, Vec<Series>)> {
     let lines = lines(means);
     let charts: &[(Across, Quality)] =
         if means.iter().any(light::is_light) { &LIGHT_CHARTS } else { &CHARTS };
-    let drawn: Vec<Vec<Series>> =
-        charts.iter().map(|&(across, quality)| series(&lines, across, quality)).collect();
-    let legend = texfold_chart::legend(&drawn[0]);
-    let charts =
-        charts.iter().zip(drawn).filter(|(_, series)| series.iter().any(|series| !series.points.is_empty()));
-    let svg = |(&(across, quality), series): (&(Across, Quality), Vec<Series>)| {
-        let title = format!("{} and {}", across.title, quality.name);
-        let scale = Scale::Doublings(across.unit);
-        Chart {
-            title: &title,
-            across: texfold_chart::Axis { label: across.label, scale },
-            up: texfold_chart::Axis { label: quality.label, scale: Scale::Linear },
-            size: NARROW,
-            names: Names::Outside,
-            series,
-        }
-        .svg()
-    };
-    (legend, charts.map(svg).collect())
+    let drawn =
+        charts.iter().map(|&(across, quality)| (across, quality, series(&lines, across, quality, equal_bpp)));
+    drawn.filter(|(_, _, series)| series.iter().any(|series| !series.points.is_empty())).collect()
+}
+
+fn svg(
+    across: Across,
+    quality: Quality,
+    series: Vec<Series>,
+    equal_bpp: f64,
+    (size, names): ((f64, f64), Names),
+) -> String {
+    let bits = if across.is_at_equal_bits { format!(" at {equal_bpp} bits a texel") } else { String::new() };
+    let title = format!("{}{bits} and {}", across.title, quality.name);
+    let across = Axis { label: across.label, scale: Scale::Doublings(across.unit) };
+    let up = Axis { label: quality.label, scale: Scale::Linear };
+    Chart { title: &title, across, up, size, names, series }.svg()
 }
 
 /// The series of a chart, and the front of what no other setting beats, of series whose texels are read at random.
-fn series(lines: &[Line<'_>], across: Across, quality: Quality) -> Vec<Series> {
+fn series(lines: &[Line<'_>], across: Across, quality: Quality, equal_bpp: f64) -> Vec<Series> {
     let mut all = Vec::new();
     for (index, line) in lines.iter().enumerate() {
         let is_stored = storage::names().any(|name| name == line.name);
-        let (kind, mut points) = if across.is_at_equal_bits {
-            let point = line.at_equal_bits(across.value).zip(line.curve(quality).quality_at(EQUAL_BPP));
-            (Kind::Marks, point.into_iter().map(|(x, y)| Point { x, y, ..Point::default() }).collect())
-        } else {
-            let place = |row: &&Row| {
-                let x = (across.value)(row).filter(|value| *value > 0.0)?;
-                Some(Point { x, y: (quality.value)(row)?, hollow: is_stored, name: row.settings.clone() })
+        let of = |row: &Row, x: f64, y: f64| Point { x, y, hollow: is_stored, name: row.settings.clone() };
+        let mut points: Vec<Point> = if across.is_at_equal_bits {
+            let point = |line: Line<'_>| {
+                let (x, y) = line.at_bits(equal_bpp, across.value, quality)?;
+                Some(Point { name: line.rows[0].effort.clone(), ..of(line.rows[0], x, y) })
             };
-            (Kind::Both, line.rows.iter().filter_map(place).collect::<Vec<_>>())
+            line.by_effort().into_iter().filter_map(point).collect()
+        } else {
+            let place = |row: &Row| {
+                let x = (across.value)(row).filter(|value| *value > 0.0)?;
+                Some(of(row, x, (quality.value)(row)?))
+            };
+            line.slowest().filter_map(place).collect()
         };
         points.sort_by(|a, b| a.x.total_cmp(&b.x));
-        all.push(Series { name: line.name.to_owned(), colour: Some(index), kind, points });
+        all.push(Series { name: line.name.to_owned(), colour: Some(index), kind: Kind::Both, points });
     }
     if !across.is_at_equal_bits {
-        let at_random = lines.iter().flat_map(|line| &line.rows).filter(|row| row.random_access == 1);
+        let at_random = lines.iter().flat_map(Line::slowest).filter(|row| row.random_access == 1);
         let front =
             Curve::new(at_random.filter_map(|row| Some(((across.value)(row)?, (quality.value)(row)?))));
         let points = front.points().map(Point::from).collect();

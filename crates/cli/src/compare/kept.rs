@@ -20,21 +20,21 @@ const FOLDER: &str = "measured";
 #[derive(Debug)]
 pub(super) struct Kept {
     folder: PathBuf,
-    /// What rows depend on beside images and settings: the program and what its search takes.
+    /// The program, on which rows depend beside images and settings.
     program: String,
     /// Names of the files of this run.
     used: BTreeSet<String>,
 }
 
 impl Kept {
-    /// Those of an output folder, by this program with such an effort and preset.
-    pub(super) fn open(out: &Path, how: &str) -> Result<Kept, CliError> {
+    /// Those of an output folder, by this program.
+    pub(super) fn open(out: &Path) -> Result<Kept, CliError> {
         let folder = out.join(FOLDER);
         make_folder(&folder)?;
         // Another build may encode in another way.
         let program = std::env::current_exe().and_then(std::fs::metadata);
         let built = program.map(|found| (found.len(), found.modified().unwrap_or(SystemTime::UNIX_EPOCH)));
-        Ok(Kept { folder, program: format!("{built:?} {how}"), used: BTreeSet::new() })
+        Ok(Kept { folder, program: format!("{built:?}"), used: BTreeSet::new() })
     }
 
     /// A name for a setting on an input of that hash.

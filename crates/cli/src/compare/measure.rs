@@ -5,21 +5,20 @@ use std::path::Path;
 use std::time::Instant;
 
 use texfold::{
-    AnyImage, EncodeSettings, Family, Guidance,
+    AnyImage, EncodeSettings, Family, Guidance, encode_images,
     encoding::{Encoding, ImageSearch, search_images},
 };
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{SquaredError, color_error, ssim};
-use texfold_core::{CodecId, Domain, EncodeError, Encoded, Image2d, Job, Metric, Rect, Texel};
+use texfold_core::{CodecId, Domain, Effort, EncodeError, Encoded, Image2d, Job, Metric, Rect, Texel};
 use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};
 
 use super::candidate::{Candidate, Way};
 use super::jpeg;
 use super::rival::{Astcenc, Coded};
 use super::storage::{self, File, Storage};
-use super::suite::{AstcPreset, Suite};
+use super::suite::Suite;
 use super::table::Row;
-use crate::config::EffortName;
 use crate::error::CliError;
 use crate::perceptual::{butteraugli, mean, ssimulacra2};
 use crate::report::Figures;
@@ -34,12 +33,10 @@ const GPU_DRAWINGS: f64 = 200.0;
 /// What measuring needs.
 #[derive(Debug)]
 pub(crate) struct Bench {
-    effort: EffortName,
     gpu: Option<Gpu>,
     astcenc: Option<Astcenc>,
     /// Whether ASTC is compared.
     wants_rival: bool,
-    astc_preset: AstcPreset,
     storage: Option<Vec<Storage>>,
     /// One thread, for the speed of decoding.
     single: Option<rayon::ThreadPool>,
@@ -60,13 +57,13 @@ pub(crate) struct Measured {
 pub(crate) struct Searches<'s> {
     images: &'s ImageSet,
     held: Option<Held<'s>>,
-    /// Files of a format for storage: its name, and for each image those of settings that were tried.
-    stored: (&'static str, Vec<BTreeMap<u32, File>>),
+    /// Files of a format for storage: its name and speed, and for each image those of settings that were tried.
+    stored: ((&'static str, String), Vec<BTreeMap<u32, File>>),
 }
 
 #[derive(Debug)]
 struct Held<'s> {
-    of: (CodecId, Family, Option<Metric>),
+    of: (CodecId, Family, Option<Metric>, Effort),
     search: ImageSearch<'s>,
     cost: Cost,
 }
@@ -117,7 +114,7 @@ pub fn cpu_seconds() -> f64 {
 
 impl<'s> Searches<'s> {
     pub(crate) fn new(images: &'s ImageSet) -> Searches<'s> {
-        Searches { images, held: None, stored: ("", Vec::new()) }
+        Searches { images, held: None, stored: Default::default() }
     }
 
     /// Encodes for a goal; and what a search took which was there already.
@@ -126,7 +123,7 @@ impl<'s> Searches<'s> {
         encoding: &'static Encoding,
         settings: &EncodeSettings,
     ) -> Result<(AnyImage, Cost), EncodeError> {
-        let of = (encoding.id, settings.family, settings.metric);
+        let of = (encoding.id, settings.family, settings.metric, settings.effort);
         let mut job = Job::default();
         let (held, cost) = match self.held.take_if(|held| held.of == of) {
             Some(held) => {
@@ -148,13 +145,11 @@ impl<'s> Searches<'s> {
 
 impl Bench {
     /// Looks for a GPU, for the rival, and for formats for storage where they are wanted.
-    pub(crate) fn open(effort: EffortName, suite: &Suite, with_storage: bool) -> Bench {
+    pub(crate) fn open(suite: &Suite, with_storage: bool) -> Bench {
         Bench {
-            effort,
             gpu: Gpu::new(Policy::from_env()).ok(),
             astcenc: Astcenc::find().filter(|_| !suite.astc.is_empty()),
             wants_rival: !suite.astc.is_empty(),
-            astc_preset: suite.astc_preset,
             storage: with_storage.then(Storage::find),
             single: rayon::ThreadPoolBuilder::new().num_threads(1).build().ok(),
         }
@@ -170,11 +165,6 @@ impl Bench {
         self.wants_rival
     }
 
-    /// The preset of the rival.
-    pub(crate) fn astc_preset(&self) -> AstcPreset {
-        self.astc_preset
-    }
-
     /// Formats for storage whose programs are installed; none where they are not wanted.
     pub(crate) fn storage(&self) -> &[Storage] {
         self.storage.as_deref().unwrap_or_default()
@@ -183,11 +173,6 @@ impl Bench {
     /// Whether formats for storage are wanted.
     pub(crate) fn wants_storage(&self) -> bool {
         self.storage.is_some()
-    }
-
-    /// How long each codec searches.
-    pub(crate) fn effort(&self) -> EffortName {
-        self.effort
     }
 
     /// Name of the adapter, where there is one.
@@ -211,9 +196,13 @@ impl Bench {
                 (made.map_err(fault)?, Cost::NONE)
             }
             Way::Goal(encoding, settings) => searches.encode(encoding, settings).map_err(fault)?,
-            Way::Rival(astcenc, side) => {
-                let preset = self.astc_preset.option();
-                let coded = images.images().iter().map(|image| astcenc.code(image, *side, preset, path));
+            Way::Auto(settings) => {
+                let made = encode_images(images, Guidance::default(), settings, &mut Job::default());
+                (made.map_err(fault)?, Cost::NONE)
+            }
+            Way::Rival(astcenc, side, preset) => {
+                let preset = format!("-{}", preset.name());
+                let coded = images.images().iter().map(|image| astcenc.code(image, *side, &preset, path));
                 return Ok(external(images, candidate.words(), coded.collect::<Result<_, _>>()?));
             }
             Way::Jpeg(quality) => {
@@ -221,9 +210,9 @@ impl Bench {
                 return Ok(external(images, candidate.words(), coded.collect::<Result<_, _>>()?));
             }
             Way::Storage(format, goal) => {
-                if searches.stored.0 != format.name() {
-                    searches.stored =
-                        (format.name(), images.images().iter().map(|_| BTreeMap::new()).collect());
+                let of = (format.name(), format.effort());
+                if searches.stored.0 != of {
+                    searches.stored = (of, images.images().iter().map(|_| BTreeMap::new()).collect());
                 }
                 let pairs = images.images().iter().zip(&mut searches.stored.1);
                 let coded = pairs.map(|(image, known)| format.within(image, *goal, known, path));
@@ -262,6 +251,7 @@ impl Bench {
             series: candidate.series.clone(),
             encode_cpu_seconds: cost.known_cpu_seconds(),
             size: size_of_first(images),
+            effort: candidate.effort.clone(),
             inputs: 1,
         };
         Ok(Measured { row, decoded: Some(decoded), file: Some(bytes) })
@@ -313,7 +303,7 @@ fn size_of_first(images: &ImageSet) -> (u32, u32) {
 /// What others have made of each image: our figures judge.
 pub(super) fn external(
     images: &ImageSet,
-    (codec, series, settings): (&str, &str, &str),
+    [codec, series, settings, effort]: [&str; 4],
     coded: Vec<Coded>,
 ) -> Measured {
     let (mut error, mut similarity) = (SquaredError::default(), 0.0);
@@ -348,6 +338,7 @@ pub(super) fn external(
         series: series.to_owned(),
         encode_cpu_seconds: cost.known_cpu_seconds(),
         size: size_of_first(images),
+        effort: effort.to_owned(),
         inputs: 1,
     };
     Measured { row, decoded: coded.into_iter().next().map(|coded| coded.decoded), file: None }

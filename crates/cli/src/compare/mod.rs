@@ -30,6 +30,7 @@ use crate::error::{CliError, explain, guarded};
 use crate::input::{Found, find, material::read_maps, read_set};
 use crate::memory::{self, MemoryArgs};
 use crate::output::{make_folder, remove_stale, write_whole};
+use crate::png;
 use crate::progress::Progress;
 use crate::settings::Kind;
 use candidate::candidates;
@@ -49,6 +50,9 @@ pub use rival::astc_by_astcenc;
 /// Inputs that the report shows images of; further ones are in the table alone.
 const THUMBNAIL_INPUTS: usize = 24;
 
+/// Folder of the charts.
+const CHARTS: &str = "charts";
+
 /// Folder of the files that codec-compare.json lists.
 const BATCHES: &str = "codec-compare";
 
@@ -61,21 +65,21 @@ pub struct CompareArgs {
     /// Files, folders or globs, as for compress.
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
-    /// Folder that results.csv, results.json, codec-compare.json, report.html and images.html, the images to zoom into, are written to. What is
-    /// measured stays in it: the same command goes on where it has stopped.
+    /// Folder that results.csv, results.json, codec-compare.json, report.html, its charts as SVG, and images.html, the images to zoom into, are
+    /// written to. What is measured stays in it: the same command goes on where it has stopped.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// What an input is; by default a file is an image, and a folder a capture or a zoom stack where it is one, else a set.
     #[arg(long = "as", value_enum)]
     kind: Option<Kind>,
     /// Which codecs and settings are compared: all, those that suit each codec; rates, the same bits for all; limits, the fewest bits, beside
-    /// formats for storage; peers, formats that engines ship; readme, a few; or a file NAME.toml.
+    /// formats for storage; peers, formats that engines ship; speed, what encoding time buys; readme, a few; sheet, one setting to look at; or a file NAME.toml.
     #[arg(long, value_name = "NAME", default_value = "all")]
     suite: String,
     /// Measure no further setting after so many minutes.
     #[arg(long, value_name = "MINUTES", value_parser = minutes)]
     budget: Option<f64>,
-    /// How long each codec searches.
+    /// How long each codec searches, where the suite has no efforts.
     #[arg(long, value_enum, default_value_t = EffortName::Fast)]
     effort: EffortName,
     /// Meaning of the images' values; by default the one that the ends of file names say, else srgb.
@@ -114,19 +118,18 @@ pub(crate) fn run(args: &CompareArgs) -> Result<usize, CliError> {
     let suite = suite::find(&args.suite)?;
     make_folder(&args.out)?;
     remove_stale(&args.out);
-    let bench = Bench::open(args.effort, &suite, args.storage || !suite.storage.is_empty());
+    let bench = Bench::open(&suite, args.storage || !suite.storage.is_empty());
     let inputs = find(&args.inputs, |_| args.kind);
     inputs.say_not_read();
     let inputs = inputs.found;
     let progress = Progress::new(inputs.len());
     let (mut rows, mut subjects, mut pictures, mut failed) = (Vec::new(), Vec::new(), Pictures::default(), 0);
-    let how = format!("{} {}", args.effort.name(), suite.astc_preset.option());
     let mut run = Run {
         args,
         suite: &suite,
         bench: &bench,
         progress: &progress,
-        kept: Kept::open(&args.out, &how)?,
+        kept: Kept::open(&args.out)?,
         deadline: args.budget.map(|minutes| Instant::now() + Duration::from_secs_f64(60.0 * minutes)),
         left_out: 0,
     };
@@ -227,8 +230,9 @@ impl Run<'_> {
             Ok(())
         };
         let mut searches = Searches::new(&images);
-        let effort = bench.effort().effort();
-        for candidate in candidates(self.suite, images.info(), effort, bench.rival(), bench.storage()) {
+        for candidate in
+            candidates(self.suite, images.info(), self.args.effort, bench.rival(), bench.storage())
+        {
             let with_image = with_images && candidate.has_thumbnail;
             let name = self.kept.name(&hash, &candidate);
             let measure = || bench.measure(&mut searches, &candidate, &found.path);
@@ -337,13 +341,20 @@ impl Run<'_> {
         let mut list = Vec::new();
         for (number, line) in chart::lines(rows).iter().enumerate() {
             let name = format!("{number:02}.json");
-            write_json(batches.join(&name), &batch::batch(line, self.bench.effort().name()))?;
+            write_json(batches.join(&name), &batch::batch(line))?;
             list.push([format!("{BATCHES}/{name}")]);
         }
         write_json(out.join("codec-compare.json"), &list)?;
+        let charts = out.join(CHARTS);
+        make_folder(&charts)?;
+        for (name, svg) in chart::files(rows, self.suite.equal_bpp()) {
+            write_whole(&charts.join(name), svg.as_bytes())?;
+        }
+        let sheet = page::sheet(subjects);
+        sheet.map_or(Ok(()), |sheet| png::write(&out.join("sheet.png"), &sheet))?;
         let report = out.join("report.html");
         let draw = |source| CliError::Draw { path: report.clone(), source };
-        let html = page::html(&self.suite.title, rows, subjects, self.bench, self.left_out).map_err(draw)?;
+        let html = page::html(self.suite, rows, subjects, self.bench, self.left_out).map_err(draw)?;
         write_whole(&report, html.as_bytes())
     }
 }

@@ -5,10 +5,13 @@ use std::fmt::Write;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use texfold_chart::escaped;
+use texfold_core::Texel;
 use texfold_core::image::Raster;
 
+use super::candidate::RIVAL;
 use super::measure::Bench;
 use super::storage::Storage;
+use super::suite::{AUTO, Suite};
 use super::table::{Row, difference, means, score};
 use super::{chart, equal, light};
 use crate::{png, thumbnail};
@@ -49,6 +52,32 @@ impl Subject {
     }
 }
 
+/// Pixels of a texel of the sheet, and texels between its parts.
+const SHEET: (u32, u32) = (2, 3);
+
+/// A column for each input that has images: the original, and below it what is shown of each setting; `None` where there are none.
+pub(crate) fn sheet(subjects: &[Subject]) -> Option<Raster> {
+    let columns: Vec<Vec<&Raster>> = subjects
+        .iter()
+        .filter_map(|subject| {
+            let shown = subject.shown.iter().map(|shown| &shown.decoded);
+            Some(subject.original.iter().chain(shown).collect()).filter(|column: &Vec<_>| !column.is_empty())
+        })
+        .collect();
+    let rows = columns.iter().map(Vec::len).max()? as u32;
+    let ((zoom, gap), step) = (SHEET, THUMBNAIL_SIDE + SHEET.1);
+    let side = |count: u32| zoom * (count * step - gap);
+    let (width, height) = (side(columns.len() as u32), side(rows));
+    let texel = |x: u32, y: u32| {
+        let image = columns.get((x / step) as usize)?.get((y / step) as usize)?;
+        let (size, (x, y)) = (image.size(), (x % step, y % step));
+        (x < size.width && y < size.height).then(|| image.texel(x, y))
+    };
+    let all = (0..height).flat_map(|y| (0..width).map(move |x| (x / zoom, y / zoom)));
+    let texels: Vec<Texel> = all.map(|(x, y)| texel(x, y).unwrap_or(Texel::ONE)).collect();
+    Raster::from_texels(width, height, columns[0][0].info(), &texels).ok()
+}
+
 const STYLE: &str = ":root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem}\
 table{border-collapse:collapse;font-size:14px}td,th{padding:.2rem .6rem;border-bottom:1px solid #8884;text-align:right}\
 td:first-child,th:first-child,td.text,th.text{text-align:left;white-space:nowrap}figure{display:inline-block;margin:.3rem}\
@@ -63,14 +92,14 @@ type Fault = Box<dyn Error + Send + Sync>;
 
 /// The whole page. `left_out` counts settings that the time did not suffice for.
 pub(crate) fn html(
-    title: &str,
+    suite: &Suite,
     rows: &[Row],
     subjects: &[Subject],
     bench: &Bench,
     left_out: usize,
 ) -> Result<String, Fault> {
     let means = means(rows);
-    let title = escaped(title);
+    let title = escaped(&suite.title);
     let mut page = format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Texfold: {title}</title>\
          <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style>\
@@ -86,7 +115,7 @@ pub(crate) fn html(
     }
     let (of_light, of_images): (Vec<Row>, Vec<Row>) = rows.iter().cloned().partition(light::is_light);
     if !of_images.is_empty() {
-        section(&mut page, &of_images)?;
+        section(&mut page, &of_images, suite)?;
     }
     if !of_light.is_empty() {
         write!(
@@ -94,9 +123,9 @@ pub(crate) fn html(
             "<h2>Captures</h2><p>PSNR and SSIMULACRA2 are of photographs that none of the ways has seen, of the object's pixels; bits a texel \
              count the object's pixels in all photographs. Photographs are kept as JPEG textures with the mesh.</p>"
         )?;
-        section(&mut page, &of_light)?;
+        section(&mut page, &of_light, suite)?;
     }
-    page.push_str(&circumstances(bench));
+    page.push_str(&circumstances(bench, rows));
     write!(page, "<h2>Means over the inputs</h2>{}", table(&means))?;
     write!(
         page,
@@ -119,7 +148,7 @@ pub(crate) fn html(
 }
 
 /// Charts and bits at equal quality.
-fn section(page: &mut String, rows: &[Row]) -> Result<(), Fault> {
+fn section(page: &mut String, rows: &[Row], suite: &Suite) -> Result<(), Fault> {
     let means = means(rows);
     let comparable = chart::comparable(&means);
     if comparable.len() < means.len() {
@@ -130,7 +159,7 @@ fn section(page: &mut String, rows: &[Row]) -> Result<(), Fault> {
             means.len() - comparable.len()
         )?;
     }
-    let (legend, charts) = chart::svgs(&comparable);
+    let (legend, charts) = chart::svgs(&comparable, suite.equal_bpp());
     write!(page, "{legend}<div class=\"charts\">")?;
     for svg in charts {
         write!(page, "<figure class=\"curves\">{svg}<output></output></figure>")?;
@@ -141,18 +170,31 @@ fn section(page: &mut String, rows: &[Row]) -> Result<(), Fault> {
 }
 
 /// What was measured how, and what was not there.
-fn circumstances(bench: &Bench) -> String {
+fn circumstances(bench: &Bench, rows: &[Row]) -> String {
     let gpu = match bench.adapter() {
         Some(name) => format!("GPU speeds are of {}: the first image drawn at its own size.", escaped(&name)),
         None => "No GPU adapter was found: GPU speeds are left out.".to_owned(),
     };
-    let rival = match (bench.rival(), bench.astc_preset()) {
-        (Some(_), preset) => {
-            format!("ASTC is by the external program astcenc {}, its time with decoding.", preset.option())
+    let efforts = |is_wanted: fn(&Row) -> bool| {
+        let mut all: Vec<&str> = Vec::new();
+        for row in rows.iter().filter(|row| is_wanted(row) && !row.effort.is_empty()) {
+            if !all.contains(&row.effort.as_str()) {
+                all.push(&row.effort);
+            }
         }
-        (None, _) if !bench.wants_rival() => String::new(),
-        (None, _) => "The external program astcenc was not found: ASTC is left out.".to_owned(),
+        all.join(", ")
     };
+    let rival = match bench.rival() {
+        Some(_) => format!(
+            "ASTC is by the external program astcenc (preset {}), its time with decoding.",
+            efforts(|row| row.codec == RIVAL)
+        ),
+        None if !bench.wants_rival() => String::new(),
+        None => "The external program astcenc was not found: ASTC is left out.".to_owned(),
+    };
+    let ours =
+        efforts(|row| row.codec == AUTO || texfold::CODECS.iter().any(|codec| codec.id.name == row.codec));
+    let several = if ours.contains(", ") { "; charts and tables of bits have the last of them" } else { "" };
     let jpeg =
         "JPEG textures are baseline 4:2:0 with 0.17 bits a texel for the index that decoding by block takes.";
     let storage = match bench.storage() {
@@ -171,8 +213,7 @@ fn circumstances(bench: &Bench) -> String {
         "<p>Quality is taken from the bytes of the file that ships; butteraugli alone is better where it is smaller. Compressed bits count all planes, blocks and parameters; \
          a cache of tiles holds them and a pool for all textures together. Bits decoded whole are those of GPU memory where textures in \
          blocks are decoded to plain texels. Encoding uses all \
-         cores at effort {}; CPU decoding one thread, the median of several whole decodes. {gpu} {rival} {jpeg} {storage}</p>",
-        bench.effort().name()
+         cores at effort {ours}{several}; CPU decoding one thread, the median of several whole decodes. {gpu} {rival} {jpeg} {storage}</p>"
     )
 }
 

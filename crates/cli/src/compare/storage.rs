@@ -19,16 +19,24 @@ pub(super) const GOALS: [f64; 5] = [0.5, 0.89, 1.28, 2.0, 3.56];
 const SETTINGS: u32 = 100;
 
 /// A format for storage and its programs.
-#[derive(Debug)]
 struct Format {
     name: &'static str,
     extension: &'static str,
     encoder: &'static str,
     decoder: &'static str,
-    /// Options of the encoder for a setting of 0 to [`SETTINGS`].
-    options: fn(u32) -> Vec<String>,
+    /// Speed of the encoder where the comparison has none of its own; none where it has no choice.
+    speed: Option<u8>,
+    /// Options of the encoder for a setting of 0 to [`SETTINGS`] and a speed.
+    options: fn(u32, u8) -> Vec<String>,
     /// What stands before the input and the output of both programs.
     flags: [&'static str; 2],
+}
+
+/// Its name alone: rows are kept by what is written here, and places of functions change from run to run.
+impl std::fmt::Debug for Format {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        out.write_str(self.name)
+    }
 }
 
 /// All of them, at full resolution of colours and an effort between speed and quality.
@@ -38,9 +46,10 @@ static FORMATS: [Format; 4] = [
         extension: "avif",
         encoder: "avifenc",
         decoder: "avifdec",
-        options: |setting| {
+        speed: Some(6),
+        options: |setting, speed| {
             let level = 63 - setting * 63 / SETTINGS;
-            words(&format!("-s 6 -y 444 --min 0 --max 63 -a end-usage=q -a cq-level={level}"))
+            words(&format!("-s {speed} -y 444 --min 0 --max 63 -a end-usage=q -a cq-level={level}"))
         },
         flags: ["", ""],
     },
@@ -50,7 +59,8 @@ static FORMATS: [Format; 4] = [
         encoder: "cjxl",
         decoder: "djxl",
         // Below 7 is beyond its largest distance, 100 is lossless.
-        options: |setting| words(&format!("-e 7 -q {}", setting.clamp(7, 99))),
+        speed: None,
+        options: |setting, _| words(&format!("-e 7 -q {}", setting.clamp(7, 99))),
         flags: ["", ""],
     },
     Format {
@@ -58,7 +68,8 @@ static FORMATS: [Format; 4] = [
         extension: "jp2",
         encoder: "opj_compress",
         decoder: "opj_decompress",
-        options: |setting| {
+        speed: None,
+        options: |setting, _| {
             // From 0.05 to 12.8 bits of 24.
             let ratio = 480.0 / (f64::from(setting) * 8.0 / f64::from(SETTINGS)).exp2();
             words(&format!("-I -r {ratio:.3}"))
@@ -70,7 +81,8 @@ static FORMATS: [Format; 4] = [
         extension: "webp",
         encoder: "cwebp",
         decoder: "dwebp",
-        options: |setting| words(&format!("-q {setting} -m 6 -sharp_yuv")),
+        speed: None,
+        options: |setting, _| words(&format!("-q {setting} -m 6 -sharp_yuv")),
         flags: ["", "-o"],
     },
 ];
@@ -90,6 +102,7 @@ pub(crate) struct Storage {
     format: &'static Format,
     encoder: PathBuf,
     decoder: PathBuf,
+    speed: Option<u8>,
 }
 
 impl Storage {
@@ -97,13 +110,26 @@ impl Storage {
     pub(crate) fn find() -> Vec<Storage> {
         let found = |format: &'static Format| {
             let (encoder, decoder) = (on_path(&[format.encoder])?, on_path(&[format.decoder])?);
-            Some(Storage { format, encoder, decoder })
+            Some(Storage { format, encoder, decoder, speed: format.speed })
         };
         FORMATS.iter().filter_map(found).collect()
     }
 
     pub(crate) fn name(&self) -> &'static str {
         self.format.name
+    }
+
+    /// The format at each of these speeds, where its encoder has a choice.
+    pub(super) fn speeds(&self, all: &[u8]) -> Vec<Storage> {
+        match self.speed {
+            Some(_) => all.iter().map(|&speed| Storage { speed: Some(speed), ..self.clone() }).collect(),
+            None => vec![self.clone()],
+        }
+    }
+
+    /// The speed in words; empty where the encoder has no choice.
+    pub(super) fn effort(&self) -> String {
+        self.speed.map_or(String::new(), |speed| format!("speed {speed}"))
     }
 
     /// Encodes an image of the file at `path` at the best setting within `goal` bits a texel, and decodes it; `None` where none is. `known`
@@ -142,7 +168,8 @@ impl Storage {
             (dir.path().join("in.png"), dir.path().join("out").with_extension(self.format.extension));
         png::write(&input, image)?;
         let clock = Cost::clock();
-        self.run(&self.encoder, &(self.format.options)(setting), [&input, &output]).map_err(failed)?;
+        self.run(&self.encoder, &(self.format.options)(setting, self.speed.unwrap_or(0)), [&input, &output])
+            .map_err(failed)?;
         let cost = clock();
         let bytes = std::fs::read(&output).map_err(failed)?;
         Ok(File { bytes, cost })
@@ -191,7 +218,8 @@ mod tests {
         extension: "padded",
         encoder: "sh",
         decoder: "cp",
-        options: |setting| {
+        speed: None,
+        options: |setting, _| {
             let script = format!("cp \"$1\" \"$2\" && head -c {setting}0 /dev/zero >> \"$2\"");
             ["-c", &script, "sh"].map(str::to_owned).to_vec()
         },
@@ -202,7 +230,7 @@ mod tests {
     fn the_best_setting_within_the_bits_is_found() {
         let image = Raster::from_u8(9, 7, 1, ColorSpace::Srgb, &[40; 63]).unwrap();
         let at = |name| on_path(&[name]).unwrap();
-        let padded = Storage { format: &PADDED, encoder: at("sh"), decoder: at("cp") };
+        let padded = Storage { format: &PADDED, encoder: at("sh"), decoder: at("cp"), speed: None };
         let mut known = BTreeMap::new();
         let mut within =
             |bits: f64| padded.within(&image, bits / 63.0, &mut known, Path::new("a.png")).unwrap();
@@ -213,6 +241,8 @@ mod tests {
             assert_eq!(coded.decoded, image);
         }
         assert!(within(least as f64 - 1.0).is_none());
+        // Rows are kept by it from run to run.
+        assert!(format!("{padded:?}").starts_with("Storage { format: padded"), "{padded:?}");
         assert!(known.len() < 30, "settings are tried once: {}", known.len());
     }
 }

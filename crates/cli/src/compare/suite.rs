@@ -7,15 +7,21 @@ use texfold::encoding::ENCODINGS;
 use texfold_core::Metric;
 
 use super::storage;
+use crate::config::EffortName;
 use crate::error::UsageError;
 
+/// Name of the choice among codecs.
+pub(super) const AUTO: &str = "auto";
+
 /// Those that are built in.
-const BUILT_IN: [(&str, &str); 5] = [
+const BUILT_IN: [(&str, &str); 7] = [
     ("all", include_str!("suites/all.toml")),
     ("rates", include_str!("suites/rates.toml")),
     ("limits", include_str!("suites/limits.toml")),
     ("peers", include_str!("suites/peers.toml")),
     ("readme", include_str!("suites/readme.toml")),
+    ("speed", include_str!("suites/speed.toml")),
+    ("sheet", include_str!("suites/sheet.toml")),
 ];
 
 /// Which codecs and settings are compared.
@@ -24,10 +30,14 @@ const BUILT_IN: [(&str, &str); 5] = [
 pub(crate) struct Suite {
     /// The comparison in words, for its page.
     pub(crate) title: String,
-    /// Names of codecs; without, all that suit an input.
+    /// Names of codecs, also "auto"; without, all that suit an input.
     codecs: Option<Vec<String>>,
+    /// Efforts of codecs, the fastest first; without, that of the command.
+    efforts: Vec<EffortName>,
     /// Bits a texel that codecs are asked for; without, those that suit each.
     pub(crate) bpp: Option<Vec<f64>>,
+    /// Bits a texel at which charts compare speeds; without, 2.
+    equal_bpp: Option<f64>,
     /// What errors count, for codecs that have a choice, each a series of its own: "psnr", "perceptual". Without, the codec's own choice.
     metrics: Vec<String>,
     /// Whether plain blocks are compared, at full, half and quarter size.
@@ -36,12 +46,14 @@ pub(crate) struct Suite {
     pub(crate) codebooks: bool,
     /// Sides of ASTC blocks: 4, 5, 6, 8, 10, 12.
     pub(crate) astc: Vec<u32>,
-    /// Preset of the encoder of ASTC.
-    pub(crate) astc_preset: AstcPreset,
+    /// Presets of the encoder of ASTC, the fastest first; without, medium.
+    astc_presets: Vec<AstcPreset>,
     /// Qualities of JPEG textures, 1 to 100.
     pub(crate) jpeg: Vec<u8>,
     /// Bits a texel of formats for storage, where these are compared.
     pub(crate) storage: Vec<f64>,
+    /// Speeds of the encoder of AVIF, 0 to 10, the fastest first; without, 6.
+    avif_speeds: Vec<u8>,
 }
 
 /// A preset of `astcenc`.
@@ -55,12 +67,12 @@ pub(crate) enum AstcPreset {
 }
 
 impl AstcPreset {
-    /// The option of the program.
-    pub(crate) fn option(self) -> &'static str {
+    /// The name of the program's option.
+    pub(crate) fn name(self) -> &'static str {
         match self {
-            AstcPreset::Fast => "-fast",
-            AstcPreset::Medium => "-medium",
-            AstcPreset::Thorough => "-thorough",
+            AstcPreset::Fast => "fast",
+            AstcPreset::Medium => "medium",
+            AstcPreset::Thorough => "thorough",
         }
     }
 }
@@ -85,7 +97,7 @@ pub(super) fn find(name: &str) -> Result<Suite, UsageError> {
 
 fn parse(text: &str) -> Result<Suite, String> {
     let suite: Suite = toml::from_str(text).map_err(|error| error.to_string())?;
-    let bits = suite.bpp.iter().flatten().chain(&suite.storage);
+    let bits = suite.bpp.iter().flatten().chain(&suite.storage).chain(&suite.equal_bpp);
     if let Some(bpp) = bits.into_iter().find(|bpp| !(bpp.is_finite() && **bpp > 0.0)) {
         return Err(format!("{bpp} is no number of bits"));
     }
@@ -95,10 +107,13 @@ fn parse(text: &str) -> Result<Suite, String> {
     if let Some(quality) = suite.jpeg.iter().find(|quality| !(1..=100).contains(*quality)) {
         return Err(format!("qualities of JPEG are 1 to 100, not {quality}"));
     }
-    let known = |name: &String| ENCODINGS.iter().any(|encoding| encoding.id.name == *name);
+    if let Some(speed) = suite.avif_speeds.iter().find(|speed| **speed > 10) {
+        return Err(format!("speeds of AVIF are 0 to 10, not {speed}"));
+    }
+    let known = |name: &String| name == AUTO || ENCODINGS.iter().any(|encoding| encoding.id.name == *name);
     if let Some(name) = suite.codecs.iter().flatten().find(|name| !known(name)) {
         let names: Vec<&str> = ENCODINGS.iter().map(|encoding| encoding.id.name).collect();
-        return Err(format!("there is no codec {name}; they are {}", names.join(", ")));
+        return Err(format!("there is no codec {name}; they are {}, and {AUTO}", names.join(", ")));
     }
     suite.metrics().map_err(|error| error.to_string())?;
     Ok(suite)
@@ -108,6 +123,31 @@ impl Suite {
     /// Whether a codec is compared.
     pub(crate) fn has(&self, codec: &str) -> bool {
         self.codecs.as_ref().is_none_or(|codecs| codecs.iter().any(|name| name == codec))
+    }
+
+    /// Whether the choice among codecs is compared.
+    pub(crate) fn has_auto(&self) -> bool {
+        self.codecs.iter().flatten().any(|name| name == AUTO)
+    }
+
+    /// Efforts of codecs, where that of the command is `usual`.
+    pub(crate) fn efforts(&self, usual: EffortName) -> Vec<EffortName> {
+        if self.efforts.is_empty() { vec![usual] } else { self.efforts.clone() }
+    }
+
+    /// Bits a texel at which charts compare speeds.
+    pub(crate) fn equal_bpp(&self) -> f64 {
+        self.equal_bpp.unwrap_or(2.0)
+    }
+
+    /// Presets of the encoder of ASTC.
+    pub(crate) fn astc_presets(&self) -> &[AstcPreset] {
+        if self.astc_presets.is_empty() { &[AstcPreset::Medium] } else { &self.astc_presets }
+    }
+
+    /// Speeds of the encoder of AVIF.
+    pub(crate) fn avif_speeds(&self) -> &[u8] {
+        if self.avif_speeds.is_empty() { &[6] } else { &self.avif_speeds }
     }
 
     /// What errors count.
@@ -136,6 +176,9 @@ mod tests {
             ("astc = [7]", "7"),
             ("jpeg = [0]", "100"),
             ("metrics = [\"loud\"]", "loud"),
+            ("efforts = [\"slow\"]", "slow"),
+            ("avif-speeds = [11]", "10"),
+            ("equal-bpp = -1.0", "bits"),
             ("colour = 1", "colour"),
         ] {
             let reason = parse(text).unwrap_err();

@@ -33,6 +33,8 @@ pub(crate) struct Row {
     pub(crate) encode_cpu_seconds: Option<f64>,
     /// Columns and rows of the first image.
     pub(crate) size: (u32, u32),
+    /// How long the encoder searched, in its own words; empty where it has no choice.
+    pub(crate) effort: String,
     /// How many inputs this is the mean of.
     #[serde(skip, default = "one")]
     pub(crate) inputs: usize,
@@ -48,7 +50,7 @@ fn infinite_without<'de, D: serde::Deserializer<'de>>(reader: D) -> Result<f64, 
 }
 
 const HEADER: &str = "input,codec,settings,bpp_memory,bpp_disk,psnr,ssim,encode_seconds,\
-                      decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident,butteraugli,series,encode_cpu_seconds";
+                      decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident,butteraugli,series,encode_cpu_seconds,effort";
 
 impl Row {
     /// The row for a terminal.
@@ -110,6 +112,7 @@ pub(crate) fn csv(rows: &[Row]) -> String {
             row.butteraugli.map_or(String::new(), |figure| format!("{figure:.4}")),
             quoted(&row.series),
             row.encode_cpu_seconds.map_or(String::new(), |seconds| format!("{seconds:.2}")),
+            quoted(&row.effort),
         ];
         text.push_str(&fields.join(","));
         text.push('\n');
@@ -170,6 +173,7 @@ fn mean(group: &[&Row]) -> Row {
         series: group[0].series.clone(),
         encode_cpu_seconds: mean_of(&|row| row.encode_cpu_seconds),
         size: group[0].size,
+        effort: group[0].effort.clone(),
         inputs: group.len(),
     }
 }
@@ -198,6 +202,7 @@ pub(super) mod tests {
             series: "BC1, x".to_owned(),
             encode_cpu_seconds: Some(0.75),
             size: (10, 10),
+            effort: "fast".to_owned(),
             inputs: 1,
         }
     }
@@ -228,9 +233,9 @@ pub(super) mod tests {
         assert_eq!(
             text.lines().nth(1),
             Some(
-                "\"a,\"\"b\"\".png\",bc,x,4.000000,3.000000,30.0000,0.900000,0.500000,1000000,,1,70.0000,4.000000,1.5000,\"BC1, x\",0.75"
+                "\"a,\"\"b\"\".png\",bc,x,4.000000,3.000000,30.0000,0.900000,0.500000,1000000,,1,70.0000,4.000000,1.5000,\"BC1, x\",0.75,fast"
             )
         );
-        assert_eq!(text.lines().next().map(|header| header.split(',').count()), Some(16));
+        assert_eq!(text.lines().next().map(|header| header.split(',').count()), Some(17));
     }
 }

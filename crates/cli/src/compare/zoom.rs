@@ -90,7 +90,7 @@ impl Zoom {
         let decoded = Raster::from_texels(size.width, size.height, plain.info(), &texels)
             .map_err(|source| fault(source.into()))?;
         let coded = Coded { decoded, cost, bits: texture.memory().compressed };
-        let made = external(&self.plain, (CODEC, SERIES, &candidate.settings), vec![coded]);
+        let made = external(&self.plain, [CODEC, SERIES, &candidate.settings, ""], vec![coded]);
         let per_texel = |bits: u64| bits as f64 / size.texels() as f64;
         let row = super::table::Row {
             bpp_disk: per_texel(8 * bytes.len() as u64),

@@ -390,7 +390,7 @@ fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
     let csv = fs::read_to_string(place.at("out/results.csv")).unwrap();
     assert_eq!(csv.lines().count(), rows.len() + 1);
     let header = "input,codec,settings,bpp_memory,bpp_disk,psnr,ssim,encode_seconds,\
-                  decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident,butteraugli,series,encode_cpu_seconds";
+                  decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident,butteraugli,series,encode_cpu_seconds,effort";
     assert_eq!(csv.lines().next(), Some(header));
     for name in header.split(',') {
         assert!(rows.iter().all(|row| row.get(name).is_some()), "{name}");
@@ -479,6 +479,40 @@ fn a_comparison_goes_on_where_it_has_stopped() {
     );
     let run = place.run("compare a.png --suite none --out out");
     assert!(run.code == Some(2) && run.stderr.contains("rates"), "{}", run.stderr);
+}
+
+#[test]
+fn efforts_are_points_of_a_series_in_charts_of_time() {
+    let place = Place::new();
+    place.image("a.png", 64, 48, 3);
+    let suite = "title = \"efforts\"\ncodecs = [\"dct\", \"auto\"]\nefforts = [\"fast\", \"normal\"]\nbpp = [2.0, 4.0]\nequal-bpp = 4.0";
+    fs::write(place.at("efforts.toml"), suite).unwrap();
+    assert_eq!(place.run("compare a.png --suite efforts.toml --out out").code, Some(0));
+    let rows: Vec<serde_json::Value> =
+        serde_json::from_slice(&fs::read(place.at("out/results.json")).unwrap()).unwrap();
+    let found: Vec<_> = rows
+        .iter()
+        .map(|row| ["series", "settings", "effort"].map(|name| row[name].as_str().unwrap().to_owned()))
+        .collect();
+    let wanted = |effort: &str| {
+        let of =
+            |series: &str, bpp: u32| [series.to_owned(), format!("{bpp} bpp, {effort}"), effort.to_owned()];
+        [of("dct", 2), of("dct", 4), of("auto", 2), of("auto", 4)]
+    };
+    assert_eq!(found, [wanted("fast"), wanted("normal")].concat());
+    // Charts of bits have the slower effort, those of time both.
+    let chart = |name: &str| fs::read_to_string(place.at(&format!("out/charts/{name}.svg"))).unwrap();
+    assert_eq!(chart("compressed-size-psnr").matches("<circle").count(), 4);
+    let time = chart("encoding-psnr");
+    assert!(time.contains("at 4 bits a texel"), "{time}");
+    // An image this small may take no CPU time that is counted.
+    let timed = |row: &&serde_json::Value| {
+        row["encode_cpu_seconds"].as_f64() > Some(0.0) && row["settings"].as_str().unwrap().starts_with('4')
+    };
+    assert_eq!(time.matches("<circle").count(), rows.iter().filter(timed).count());
+    // The original and four settings, of two pixels a texel.
+    let (width, height, _) = place.samples("out/sheet.png");
+    assert_eq!((width, height), (2 * 160, 2 * (5 * 163 - 3)));
 }
 
 #[test]

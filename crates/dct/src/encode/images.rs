@@ -123,7 +123,7 @@ fn best(
     let found = search_step_estimated(
         goal,
         STEPS.at(params.effort),
-        encoder.first_step(),
+        encoder.first_step(goal),
         |step| Ok::<_, EncodeError>(job.borrow().install(|| encoder.estimate(step))?.measured(texels)),
         |step| {
             let mut job = job.borrow_mut();

@@ -185,7 +185,7 @@ impl Sink for Bits<'_> {
 
 /// Sum of the logarithms of a block's coefficients in steps and 1: nearly linear in the bits that they take.
 #[inline(always)]
-fn size(residuals: &Block, inverse: &Block) -> f32 {
+pub(super) fn size(residuals: &Block, inverse: &Block) -> f32 {
     // The exponent and the fraction of a number are its logarithm, within 0.09.
     let mut sums = [0i32; 8];
     for (residuals, inverse) in residuals.chunks_exact(8).zip(inverse.chunks_exact(8)) {

@@ -1,9 +1,9 @@
 //! Images and their stages that share a step, so that errors are alike in all of them.
 
-use texfold_core::{CancelCheck, EncodeError, ImageLayout, SourceError};
+use texfold_core::{CancelCheck, EncodeError, Goal, ImageLayout, SourceError};
 
 use super::code::Estimate;
-use super::goal::{DctEncoder, DctSettings, first_step, unit_of};
+use super::goal::{DctEncoder, DctSettings, first_step, guessed_step, unit_of};
 use super::source::DctSource;
 use crate::content::{DctContent, stage_sizes};
 use crate::decode::DctTexture;
@@ -139,9 +139,12 @@ impl<'a> DctSetEncoder<'a> {
         self.stages.first().map_or(0, |stage| stage.encoder.step_of(lambda))
     }
 
-    /// The step to begin a search with.
+    /// The step to begin a search for a goal with.
     #[must_use]
-    pub fn first_step(&self) -> u16 {
-        self.stages.first().map_or(first_step(8), |stage| stage.encoder.first_step())
+    pub fn first_step(&self, goal: Goal) -> u16 {
+        let first = self.stages.first().map_or(first_step(8), |stage| stage.encoder.first_step());
+        let bits = |step| self.stages_at(step).map(|(encoder, step)| encoder.guessed_bits(step)).sum();
+        let texels = self.layout.images.iter().map(|size| size.texels()).sum();
+        guessed_step(goal, first, texels, bits)
     }
 }

@@ -299,11 +299,16 @@ pub(super) fn walk_block(
         sink.symbol(table, symbol);
         walk_rest(magnitude, symbol, sink);
     }
-    let coded = (first..first + count).rev().map(|number| levels[usize::from(SCAN[number].raster)]);
-    let negative: Vec<bool> = coded.filter(|&level| level != 0).map(|level| level < 0).collect();
-    for signs in negative.chunks(SIGNS) {
-        let bits = signs.iter().rev().fold(0, |bits, &sign| bits << 1 | u32::from(sign));
-        sink.bits(bits, signs.len() as u32);
+    let (mut negative, mut signs) = (0u64, 0u32);
+    for number in (first..first + count).rev() {
+        let level = levels[usize::from(SCAN[number].raster)];
+        negative |= u64::from(level < 0) << signs;
+        signs += u32::from(level != 0);
+    }
+    while signs > 0 {
+        let read = signs.min(SIGNS as u32);
+        sink.bits((negative & ((1 << read) - 1)) as u32, read);
+        (negative, signs) = (negative >> read, signs - read);
     }
     (magnitudes, end)
 }

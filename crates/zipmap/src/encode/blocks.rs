@@ -60,7 +60,7 @@ fn by_block(
     let found = search_step_estimated(
         goal,
         STEPS.at(maker.params.effort),
-        encoders[0].first_step(),
+        encoders[0].first_step(goal),
         |step| turns.borrow().install(|| estimate(step)),
         |step| {
             let mut job = turns.borrow_mut();

@@ -239,6 +239,7 @@ impl Scene {
             series: candidate.series.to_owned(),
             encode_cpu_seconds: cost.known_cpu_seconds(),
             size: (camera.width, camera.height),
+            effort: String::new(),
             inputs: 1,
         };
         Ok(Measured { row, decoded: Some(decoded), file: None })

@@ -209,7 +209,9 @@ fn svg(
     equal_bpp: f64,
     (size, names): ((f64, f64), Names),
 ) -> String {
-    let bits = if across.is_at_equal_bits { format!(" at {equal_bpp} bits a texel") } else { String::new() };
+    let unit = if equal_bpp == 1.0 { "bit" } else { "bits" };
+    let bits =
+        if across.is_at_equal_bits { format!(" at {equal_bpp} {unit} a texel") } else { String::new() };
     let title = format!("{}{bits} and {}", across.title, quality.name);
     let across = Axis { label: across.label, scale: Scale::Doublings(across.unit) };
     let up = Axis { label: quality.label, scale: Scale::Linear };

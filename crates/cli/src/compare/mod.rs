@@ -65,15 +65,16 @@ pub struct CompareArgs {
     /// Files, folders or globs, as for compress.
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
-    /// Folder that results.csv, results.json, codec-compare.json, report.html, its charts as SVG, and images.html, the images to zoom into, are
-    /// written to. What is measured stays in it: the same command goes on where it has stopped.
+    /// Folder that results.csv, results.json, codec-compare.json, report.html, its charts as SVG, images.html, the images to zoom into, and
+    /// sheet.png, parts of the first inputs and settings side by side, are written to. What is measured stays in it: the same command goes on where it has stopped.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// What an input is; by default a file is an image, and a folder a capture or a zoom stack where it is one, else a set.
     #[arg(long = "as", value_enum)]
     kind: Option<Kind>,
     /// Which codecs and settings are compared: all, those that suit each codec; rates, the same bits for all; limits, the fewest bits, beside
-    /// formats for storage; peers, formats that engines ship; speed, what encoding time buys; readme, a few; sheet, one setting to look at; or a file NAME.toml.
+    /// formats for storage; peers, formats that engines ship; speed, what encoding time buys; readme, a few; sheet, one setting to
+    /// look at; or a file NAME.toml.
     #[arg(long, value_name = "NAME", default_value = "all")]
     suite: String,
     /// Measure no further setting after so many minutes.

@@ -54,16 +54,19 @@ impl Subject {
 
 /// Pixels of a texel of the sheet, and texels between its parts.
 const SHEET: (u32, u32) = (2, 3);
+/// Most columns and rows of the sheet.
+const SHEET_PARTS: (usize, usize) = (6, 8);
 
-/// A column for each input that has images: the original, and below it what is shown of each setting; `None` where there are none.
+/// A column for each of the first inputs whose pixels are of one kind: the original, and below it what is shown of the first settings; `None`
+/// where no input has images.
 pub(crate) fn sheet(subjects: &[Subject]) -> Option<Raster> {
-    let columns: Vec<Vec<&Raster>> = subjects
-        .iter()
-        .filter_map(|subject| {
-            let shown = subject.shown.iter().map(|shown| &shown.decoded);
-            Some(subject.original.iter().chain(shown).collect()).filter(|column: &Vec<_>| !column.is_empty())
-        })
-        .collect();
+    let info = subjects.iter().find_map(|subject| subject.original.as_ref())?.info();
+    let column = |subject: &Subject| {
+        let original = subject.original.clone().filter(|original| original.info() == info)?;
+        let shown = subject.shown.iter().map(|shown| shown.decoded.clone());
+        Some(std::iter::once(original).chain(shown).take(SHEET_PARTS.1).collect::<Vec<Raster>>())
+    };
+    let columns: Vec<Vec<Raster>> = subjects.iter().filter_map(column).take(SHEET_PARTS.0).collect();
     let rows = columns.iter().map(Vec::len).max()? as u32;
     let ((zoom, gap), step) = (SHEET, THUMBNAIL_SIDE + SHEET.1);
     let side = |count: u32| zoom * (count * step - gap);
@@ -75,7 +78,7 @@ pub(crate) fn sheet(subjects: &[Subject]) -> Option<Raster> {
     };
     let all = (0..height).flat_map(|y| (0..width).map(move |x| (x / zoom, y / zoom)));
     let texels: Vec<Texel> = all.map(|(x, y)| texel(x, y).unwrap_or(Texel::ONE)).collect();
-    Raster::from_texels(width, height, columns[0][0].info(), &texels).ok()
+    Raster::from_texels(width, height, info, &texels).ok()
 }
 
 const STYLE: &str = ":root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem}\

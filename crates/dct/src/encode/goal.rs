@@ -1,7 +1,6 @@
 //! The step that meets a goal.
 
 use std::borrow::Cow;
-use std::convert::Infallible;
 
 use texfold_core::target::{Measured, StepScale, search_step, search_step_estimated};
 use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Metric, ParamError, SourceError};
@@ -181,17 +180,17 @@ impl<'a> DctEncoder<'a> {
         estimate(&self.planes, &self.form_at(step), self.params.metric, self.check)
     }
 
-    /// Bits of [`DctEncoder::at_step`] as the sizes of some coefficients suggest them.
-    pub(super) fn guessed_bits(&self, step: u16) -> f64 {
+    /// Bits of [`DctEncoder::at_step`] as the sizes of some coefficients suggest them; `None` with a cut-out, whose alpha takes other bits.
+    pub(super) fn guessed_bits(&self, step: u16) -> Option<f64> {
         let form = self.form_at(step);
-        let Some(plane) = self.planes.first() else { return 0.0 };
+        let plane = self.planes.first().filter(|plane| plane.cutout.is_none())?;
         let steps = Steps::new(&form.quantiser, 0, form.fraction());
         let inverse: Block = std::array::from_fn(|at| if at > 0 { 1.0 / steps.size(at) } else { 0.0 });
         let blocks = plane.blocks.chunks_exact(form.channels());
         let stride = (blocks.len() / GUESSED).max(1);
         let share = blocks.len() as f64 / blocks.len().div_ceil(stride).max(1) as f64;
         let sizes = blocks.step_by(stride).flatten().map(|block| f64::from(intra::size(block, &inverse)));
-        SIZE_BITS * share * sizes.sum::<f64>()
+        Some(SIZE_BITS * share * sizes.sum::<f64>())
     }
 
     /// Occurrences of symbols at a step.
@@ -334,15 +333,18 @@ pub fn first_step(depth: u8) -> u16 {
     Quantiser::nearest_step(FIRST_STEP * unit_of(depth))
 }
 
-/// The step at which guessed bits of so many texels meet a goal of bits, to begin a search with; `first` for other goals.
-pub(super) fn guessed_step(goal: Goal, first: u16, texels: u64, bits: impl Fn(u16) -> f64) -> u16 {
+/// The step at which guessed bits of so many texels meet a goal of bits, to begin a search with; `first` for other goals and where there is
+/// no guess.
+pub(super) fn guessed_step(goal: Goal, first: u16, texels: u64, bits: impl Fn(u16) -> Option<f64>) -> u16 {
     if !matches!(goal, Goal::Bpp(_)) {
         return first;
     }
     let scale = StepScale { near: GUESS_NEAR, jump: OCTAVE_STEPS / 4, ..STEPS };
-    let measured = |step| Measured { bpp: bits(step) / texels as f64, ..Measured::default() };
-    let Ok(found) = search_step(goal, scale, first, |step| Ok::<_, Infallible>((step, measured(step))));
-    found.map_or(first, |found| found.value)
+    let measured = |step: u16| {
+        let bpp = bits(step).ok_or(())? / texels as f64;
+        Ok::<_, ()>((step, Measured { bpp, ..Measured::default() }))
+    };
+    search_step(goal, scale, first, measured).ok().flatten().map_or(first, |found| found.value)
 }
 
 /// The numbers of steps, for a search that ends within 0.2 % of the bits or 0.02 dB.

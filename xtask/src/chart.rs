@@ -15,7 +15,7 @@ pub(crate) struct ChartArgs {
     suites: Vec<String>,
 }
 
-/// A comparison and what of it is shown.
+/// A comparison, and the files of it that are shown.
 struct Shown {
     suite: &'static str,
     inputs: fn() -> Vec<PathBuf>,

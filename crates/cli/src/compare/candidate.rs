@@ -46,7 +46,7 @@ pub(crate) struct Candidate {
     pub(crate) series: String,
     /// The settings in words.
     pub(crate) settings: String,
-    /// How long its encoder searches, in the words of that encoder; empty where it has no choice.
+    /// Effort of its encoder, in the words of that encoder; empty where it has no choice.
     pub(crate) effort: String,
     /// Whether the report has an image of it.
     pub(crate) has_thumbnail: bool,
@@ -214,7 +214,7 @@ fn fixed(codec: Choice, content: Content, effort: EffortName) -> Option<Way> {
     Some(Way::Fixed(encoding, Box::new(settings)))
 }
 
-/// What errors count for a codec, `None` for its own choice.
+/// Metrics of a codec, `None` for its own choice.
 fn metrics(suite: &Suite, has_metric: bool) -> Vec<Option<Metric>> {
     let metrics = suite.metrics().unwrap_or_default();
     if metrics.is_empty() || !has_metric { vec![None] } else { metrics.into_iter().map(Some).collect() }

@@ -33,7 +33,7 @@ pub(crate) struct Row {
     pub(crate) encode_cpu_seconds: Option<f64>,
     /// Columns and rows of the first image.
     pub(crate) size: (u32, u32),
-    /// How long the encoder searched, in its own words; empty where it has no choice.
+    /// Effort of the encoder, in its own words; empty where it has no choice.
     pub(crate) effort: String,
     /// How many inputs this is the mean of.
     #[serde(skip, default = "one")]

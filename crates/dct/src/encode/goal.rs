@@ -180,10 +180,14 @@ impl<'a> DctEncoder<'a> {
         estimate(&self.planes, &self.form_at(step), self.params.metric, self.check)
     }
 
-    /// Bits of [`DctEncoder::at_step`] as the sizes of some coefficients suggest them; `None` with a cut-out, whose alpha takes other bits.
+    /// Bits of [`DctEncoder::at_step`], guessed from the sizes of some coefficients. `None` with a cut-out, whose alpha takes other bits, and at
+    /// effort fast: its search ends anywhere within 1 % of the bits, so that another begin gives another result.
     pub(super) fn guessed_bits(&self, step: u16) -> Option<f64> {
         let form = self.form_at(step);
-        let plane = self.planes.first().filter(|plane| plane.cutout.is_none())?;
+        let plane = self
+            .planes
+            .first()
+            .filter(|plane| plane.cutout.is_none() && self.params.effort != Effort::Fast)?;
         let steps = Steps::new(&form.quantiser, 0, form.fraction());
         let inverse: Block = std::array::from_fn(|at| if at > 0 { 1.0 / steps.size(at) } else { 0.0 });
         let blocks = plane.blocks.chunks_exact(form.channels());

@@ -6,8 +6,10 @@
 use crate::support::{encode, file, load};
 use texfold_core::image::{Alpha, ColorSpace, Depth, ImageSet, PixelInfo, Raster};
 use texfold_core::metric::{decode_image, measure};
-use texfold_core::{Access, Domain, Effort, Encoded, Goal, Image2d, Metric, Rect, Texel};
-use texfold_epitome::EpitomeParams;
+use texfold_core::{
+    Access, Domain, Effort, EncodeError, Encoded, Goal, Image2d, Job, Metric, Rect, SourceError, Texel,
+};
+use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
 use texfold_testkit::image;
 
 fn params(goal: Goal) -> EpitomeParams {
@@ -51,6 +53,20 @@ fn what_repeats_is_stored_once() {
     let alone = measure(&once, &encode(&once, &params(Goal::Psnr(34.0)))).bpp / 16.0;
     assert!(block < texel, "{block} bits by block, {texel} by texel");
     assert!(block < 3.0 * alone, "{block} bits for sixteen tiles, {alone} for one");
+}
+
+#[test]
+fn a_search_that_needs_shared_content_ends_where_none_recurs() {
+    let shared = |name: &str, effort: Effort| {
+        let (set, params) = (single(image(name)), params(Goal::Bpp(1.0)).with_effort(effort));
+        Epitome::encode_shared(EpitomeSource::new(&set), &params, &mut Job::default())
+    };
+    for effort in [Effort::Fast, Effort::High] {
+        let error = shared("noise", effort).unwrap_err();
+        assert!(matches!(error, EncodeError::Source(SourceError::OutOfReach { .. })), "{effort:?}: {error}");
+    }
+    let alone = encode(&single(image("tile_repeat")), &params(Goal::Bpp(1.0)));
+    assert!(shared("tile_repeat", Effort::Fast).unwrap() == alone);
 }
 
 fn texels_of(tile: &Raster) -> Vec<Texel> {

@@ -55,9 +55,33 @@ impl Encoder for Epitome {
         params: &EpitomeParams,
         job: &mut Job<'_>,
     ) -> Result<EpitomeTexture, EncodeError> {
-        let searched = job.within(0.0, 0.7, |job| search_all(source, params, job))?;
-        job.within(0.7, 1.0, |job| encode_from(&searched, params.goal, job))
+        encode(source, params, false, job)
     }
+}
+
+impl Epitome {
+    /// As [`Encoder::encode`], for callers that have another codec's texture: gives up after a part of the search where hardly any content
+    /// is read by several leaves, since without that an epitome has no advantage over blocks of variable length.
+    ///
+    /// # Errors
+    /// As there, and [`texfold_core::SourceError::OutOfReach`] where it gives up.
+    pub fn encode_shared(
+        source: EpitomeSource<'_>,
+        params: &EpitomeParams,
+        job: &mut Job<'_>,
+    ) -> Result<EpitomeTexture, EncodeError> {
+        encode(source, params, true, job)
+    }
+}
+
+fn encode(
+    source: EpitomeSource<'_>,
+    params: &EpitomeParams,
+    needs_shared: bool,
+    job: &mut Job<'_>,
+) -> Result<EpitomeTexture, EncodeError> {
+    let searched = job.within(0.0, 0.7, |job| search_all(source, params, needs_shared, job))?;
+    job.within(0.7, 1.0, |job| encode_from(&searched, params.goal, job))
 }
 
 impl SharedSearch for Epitome {
@@ -70,7 +94,7 @@ impl SharedSearch for Epitome {
         params: &EpitomeParams,
         job: &mut Job<'_>,
     ) -> Result<EpitomeSearch, EncodeError> {
-        search_all(source, params, job)
+        search_all(source, params, false, job)
     }
 
     fn encode_from(
@@ -82,10 +106,11 @@ impl SharedSearch for Epitome {
     }
 }
 
-/// Searches `source` with the goal of `params` in mind.
+/// Searches `source` with the goal of `params` in mind; an error where content must be shared and hardly any is.
 fn search_all(
     source: EpitomeSource<'_>,
     params: &EpitomeParams,
+    needs_shared: bool,
     job: &mut Job<'_>,
 ) -> Result<EpitomeSearch, EncodeError> {
     params.check()?;
@@ -95,20 +120,20 @@ fn search_all(
     if params.is_by_block() && params.effort == Effort::High {
         // Where edges are hard, plain blocks that several leaves read may be smaller.
         let planes = params.clone().with_access(Access::Texel);
-        return search_both(source, params, &planes, job);
+        return search_both(source, [params, &planes], needs_shared, job);
     }
-    search_one(source, params, job)
+    search_one(source, params, needs_shared, job)
 }
 
 /// Searches for both settings, of which the goal will choose.
 fn search_both(
     source: EpitomeSource<'_>,
-    first: &EpitomeParams,
-    second: &EpitomeParams,
+    [first, second]: [&EpitomeParams; 2],
+    needs_shared: bool,
     job: &mut Job<'_>,
 ) -> Result<EpitomeSearch, EncodeError> {
-    let mut searched = job.within(0.0, 0.5, |job| search_one(source, first, job))?;
-    let other = job.within(0.5, 1.0, |job| search_one(source, second, job))?;
+    let mut searched = job.within(0.0, 0.5, |job| search_one(source, first, needs_shared, job))?;
+    let other = job.within(0.5, 1.0, |job| search_one(source, second, false, job))?;
     searched.other = Some(Box::new(other));
     Ok(searched)
 }
@@ -117,12 +142,14 @@ fn search_both(
 fn search_one(
     source: EpitomeSource<'_>,
     params: &EpitomeParams,
+    needs_shared: bool,
     job: &mut Job<'_>,
 ) -> Result<EpitomeSearch, EncodeError> {
     source.images.check_images()?;
     let shape = Shape::of(source.images, params)?;
     job.holding(shape.bytes, |job| {
         let mut searched = job.within(0.0, 0.3, |job| EpitomeSearch::new(source, params, shape, job))?;
+        searched.needs_shared = needs_shared;
         job.within(0.3, 1.0, |job| searched.search(job))?;
         Ok(searched)
     })

@@ -1,7 +1,7 @@
 //! The search in rounds: matches are looked for in what was kept of the round before, and palettes fitted to all of
 //! them.
 
-use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Job};
+use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Job, SourceError};
 
 use super::candidate::{Rules, ScaleErrors};
 use super::choose::{choose_well, most_errors};
@@ -20,7 +20,8 @@ const PASSES: usize = 2;
 /// Times that matches are searched for within a tolerance, by effort: each search is in what the one before has led
 /// to.
 const TOLERANCE_PASSES: [usize; 3] = [2, 3, 6];
-/// Part of the cells that several leaves read after the first search below which a second one is left out where time is short.
+/// Part of the cells that several leaves read after the first search below which a second one is left out where time is short, and
+/// a search that must find shared content ends.
 const LEAST_SHARED: f64 = 1.0 / 32.0;
 /// Largest step of that lambda at once, as a factor.
 const MOST_RETUNED: f64 = 4.0;
@@ -96,8 +97,13 @@ impl EpitomeSearch {
                 (Kept::of(&choice), most_errors(self.problem(direct, costs, cancel)))
             });
             job.checkpoint()?;
-            if pass > 0 && self.is_quick() && kept.shared_part() < LEAST_SHARED {
-                break;
+            if pass > 0 && kept.shared_part() < LEAST_SHARED {
+                if self.needs_shared {
+                    return Err(SourceError::OutOfReach { what: "hardly any content recurs" }.into());
+                }
+                if self.is_quick() {
+                    break;
+                }
             }
             // What parts of large images keep of their own is then searched as a whole.
             let reach = Reach { part: reach.part.filter(|_| pass == 0), ..reach };

@@ -43,6 +43,8 @@ pub struct EpitomeSearch {
     pub(super) shares: Vec<f32>,
     /// Where cells of content differ in bits: the lambda that it was coded at.
     pub(super) coded_lambda: Option<f32>,
+    /// Whether a search ends with an error where hardly any content is shared.
+    pub(super) needs_shared: bool,
     /// As [`Shape::bytes`].
     pub(super) bytes: u64,
     /// The same images with other content, of which the goal will choose.
@@ -131,6 +133,7 @@ impl EpitomeSearch {
             cells,
             bytes,
             coded_lambda,
+            needs_shared: false,
             other: None,
         })
     }

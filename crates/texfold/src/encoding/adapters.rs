@@ -104,6 +104,19 @@ pub trait ImageEncoder:
         Self::encode(source, params, job)
     }
 
+    /// As [`ImageEncoder::encode_within`], where another codec's texture is there: may also give up where that of this one cannot be better.
+    ///
+    /// # Errors
+    /// As there.
+    fn encode_against(
+        source: Self::Source<'_>,
+        params: &Self::Params,
+        most_bpp: f64,
+        job: &mut Job<'_>,
+    ) -> Result<Self::Encoded, EncodeError> {
+        Self::encode_within(source, params, most_bpp, job)
+    }
+
     /// The texture's notes.
     fn notes_mut(texture: &mut Self::Encoded) -> &mut Notes;
 
@@ -289,6 +302,15 @@ impl ImageEncoder for Epitome {
         let share = Epitome::estimated_reuse(images, known, job)?;
         let why = || format!("content that repeats would save about {:.0} % of the bits", 100.0 * share);
         Ok((share < LEAST_REUSE).then(why))
+    }
+
+    fn encode_against(
+        source: EpitomeSource<'_>,
+        params: &EpitomeParams,
+        _most_bpp: f64,
+        job: &mut Job<'_>,
+    ) -> Result<EpitomeTexture, EncodeError> {
+        Epitome::encode_shared(source, params, job)
     }
 
     /// A residual plane holds one or three channels of colours.

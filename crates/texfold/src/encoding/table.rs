@@ -62,7 +62,7 @@ pub struct Encoding {
     or_plain: Encode,
     /// [`ImageEncoder::why_not`].
     pub(super) why_not: WhyNot,
-    /// [`ImageEncoder::encode_within`].
+    /// [`ImageEncoder::encode_against`].
     pub(super) within: Within,
     notes: fn(&mut AnyImage) -> Option<&mut Notes>,
     search: Option<Search>,
@@ -228,7 +228,7 @@ fn within<C: ImageEncoder>(
 ) -> Result<AnyImage, EncodeError> {
     C::check(settings)?;
     let (source, params) = (C::source(images, guidance), settings.params::<C>());
-    C::encode_within(source, &params, most_bpp, job).map(AnyImage::new)
+    C::encode_against(source, &params, most_bpp, job).map(AnyImage::new)
 }
 
 impl AnyImage {

@@ -5,7 +5,6 @@
 mod regimes;
 mod sweeps;
 
-use std::hint::black_box;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::Instant;
@@ -25,6 +24,7 @@ use texfold::{
     open,
 };
 use texfold_gpu::{Filter, Gpu};
+use texfold_testkit::multiply;
 
 use super::guard::guarded;
 use super::page::png;
@@ -173,9 +173,7 @@ fn thread_seconds() -> f64 {
 pub(super) fn unit() -> f64 {
     let once = || {
         let start = thread_seconds();
-        let product = (0..1u64 << 24)
-            .fold(1u64, |product, i| black_box(product.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ i));
-        black_box(product);
+        multiply(1 << 24);
         thread_seconds() - start
     };
     (0..3).map(|_| once()).fold(f64::INFINITY, f64::min)

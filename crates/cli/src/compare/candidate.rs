@@ -137,8 +137,9 @@ fn ours(suite: &Suite, pixel: PixelInfo, effort: EffortName) -> Vec<Candidate> {
     let wanted = ENCODINGS.iter().filter(|encoding| suite.has(encoding.id.name));
     found.extend(wanted.flat_map(|encoding| within_goals(encoding, suite, pixel, effort)));
     if suite.has_auto() {
-        let bits = suite.bpp.as_deref().unwrap_or(&DRAWN_BPP);
-        let of_metric = |metric| bits.iter().map(move |&bpp| auto(bpp, bits, metric, effort));
+        let goals = suite.goals(&DRAWN_BPP);
+        let goals = &goals;
+        let of_metric = |metric| goals.iter().map(move |&goal| auto(goal, goals, metric, effort));
         found.extend(metrics(suite, true).into_iter().flat_map(of_metric));
     }
     found
@@ -155,14 +156,29 @@ fn plain_formats(pixel: PixelInfo) -> &'static [Content] {
     }
 }
 
-/// The codec that is best within a number of bits.
-fn auto(bpp: f64, all: &[f64], metric: Option<Metric>, effort: EffortName) -> Candidate {
-    let (goal, searched) = (Goal::Bpp(bpp), effort.effort());
-    let encode = EncodeSettings { goal, metric, effort: searched, ..EncodeSettings::default() };
-    let (mut settings, mut series) = (format!("{bpp} bpp"), AUTO.to_owned());
+/// The codec that answers a goal best.
+fn auto(goal: Goal, all: &[Goal], metric: Option<Metric>, effort: EffortName) -> Candidate {
+    let encode = EncodeSettings { goal, metric, effort: effort.effort(), ..EncodeSettings::default() };
+    let (mut settings, mut series) = (words(goal), AUTO.to_owned());
     name_metric(metric, &mut settings, &mut series);
-    let (effort, has_thumbnail) = (effort.name().to_owned(), is_drawn(bpp, all));
+    let (effort, has_thumbnail) = (effort.name().to_owned(), is_goal_drawn(goal, all));
     Candidate { codec: AUTO, series, settings, effort, has_thumbnail, way: Way::Auto(Box::new(encode)) }
+}
+
+/// A goal, for readers.
+pub(super) fn words(goal: Goal) -> String {
+    match goal {
+        Goal::Bpp(bpp) => format!("{bpp} bpp"),
+        Goal::Psnr(psnr) => format!("{psnr} dB"),
+        Goal::Tolerance(tolerance) => format!("tolerance {tolerance}"),
+    }
+}
+
+/// Whether an image is drawn for a goal, of all that a series has: at some bits, and for each quality.
+fn is_goal_drawn(goal: Goal, all: &[Goal]) -> bool {
+    let bits = |goal: &Goal| if let Goal::Bpp(bpp) = goal { Some(*bpp) } else { None };
+    let all: Vec<f64> = all.iter().filter_map(bits).collect();
+    bits(&goal).is_none_or(|bpp| is_drawn(bpp, &all))
 }
 
 /// Whether an image is drawn at these bits, of all that a series has.
@@ -228,20 +244,21 @@ fn name_metric(metric: Option<Metric>, settings: &mut String, series: &mut Strin
     series.push_str(if metric == Metric::Psnr { ", for PSNR" } else { ", for the eye" });
 }
 
-/// A codec within numbers of bits, with each family of formats that suits and for each metric.
+/// A codec for each goal, with each family of formats that suits and for each metric.
 fn within_goals(
     encoding: &'static Encoding,
     suite: &Suite,
     pixel: PixelInfo,
     effort: EffortName,
 ) -> Vec<Candidate> {
-    let bits = suite.bpp.as_deref().filter(|_| !encoding.compared_bpp.is_empty());
-    let bits = bits.unwrap_or(encoding.compared_bpp);
+    let mut goals = suite.goals(encoding.compared_bpp);
+    goals.retain(|goal| matches!(goal, Goal::Psnr(_)) || !encoding.compared_bpp.is_empty());
     let metrics = metrics(suite, encoding.has_metric);
-    let candidate = |metric: Option<Metric>, family: Family, bpp: f64| {
-        let (goal, searched) = (Goal::Bpp(bpp), effort.effort());
-        let settings = EncodeSettings { goal, metric, family, effort: searched, ..EncodeSettings::default() };
-        let mut words = format!("{bpp} bpp");
+    let candidate = |metric: Option<Metric>, family: Family, goal: Goal| {
+        let effort_of = effort.effort();
+        let settings =
+            EncodeSettings { goal, metric, family, effort: effort_of, ..EncodeSettings::default() };
+        let mut words = words(goal);
         let mut series = encoding.id.name.to_owned();
         if family == Family::ErrorMap {
             words.push_str(" residual plane");
@@ -253,15 +270,16 @@ fn within_goals(
             series,
             settings: words,
             effort: effort.name().to_owned(),
-            has_thumbnail: is_drawn(bpp, bits),
+            has_thumbnail: is_goal_drawn(goal, &goals),
             way: Way::Goal(encoding, Box::new(settings)),
         }
     };
-    let of_family = |metric, family| bits.iter().map(move |&bpp| (metric, family, bpp));
+    let goals = &goals;
+    let of_family = |metric, family| goals.iter().map(move |&goal| (metric, family, goal));
     let families = encoding.families(pixel);
     let all =
         metrics.iter().flat_map(|&metric| families.iter().flat_map(move |&family| of_family(metric, family)));
-    all.map(|(metric, family, bpp)| candidate(metric, family, bpp)).collect()
+    all.map(|(metric, family, goal)| candidate(metric, family, goal)).collect()
 }
 
 /// ASTC by the external encoder.

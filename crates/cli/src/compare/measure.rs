@@ -234,7 +234,8 @@ impl Bench {
         }
         let row = Row {
             input: String::new(),
-            codec: candidate.codec.to_owned(),
+            // Of a choice among codecs, the one that was chosen.
+            codec: shipped.codec().name.to_owned(),
             settings: candidate.settings.clone(),
             bpp_memory: figures.sizes.bpp_memory,
             bpp_resident: figures.sizes.bpp_resident,

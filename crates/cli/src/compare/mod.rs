@@ -7,6 +7,7 @@
 mod batch;
 mod candidate;
 mod chart;
+mod choices;
 mod curve;
 mod equal;
 mod images;
@@ -74,7 +75,7 @@ pub struct CompareArgs {
     kind: Option<Kind>,
     /// Which codecs and settings are compared: all, those that suit each codec; rates, the same bits for all; limits, the fewest bits, beside
     /// formats for storage; peers, formats that engines ship; speed, what encoding time buys; readme, a few; sheet, one setting to
-    /// look at; or a file NAME.toml.
+    /// look at; choices, what auto returns beside each codec alone; or a file NAME.toml.
     #[arg(long, value_name = "NAME", default_value = "all")]
     suite: String,
     /// Measure no further setting after so many minutes.

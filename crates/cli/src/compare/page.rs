@@ -13,7 +13,7 @@ use super::measure::Bench;
 use super::storage::Storage;
 use super::suite::{AUTO, Suite};
 use super::table::{Row, difference, means, score};
-use super::{chart, equal, light};
+use super::{chart, choices, equal, light};
 use crate::{png, thumbnail};
 
 /// Side in texels of the images: the middle of each input.
@@ -169,6 +169,7 @@ fn section(page: &mut String, rows: &[Row], suite: &Suite) -> Result<(), Fault> 
     }
     page.push_str("</div>");
     page.push_str(&equal::tables(rows));
+    page.push_str(&choices::tables(suite, rows));
     Ok(())
 }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::Deserialize;
 use texfold::encoding::ENCODINGS;
-use texfold_core::Metric;
+use texfold_core::{Goal, Metric};
 
 use super::storage;
 use crate::config::EffortName;
@@ -14,7 +14,7 @@ use crate::error::UsageError;
 pub(super) const AUTO: &str = "auto";
 
 /// Those that are built in.
-const BUILT_IN: [(&str, &str); 7] = [
+const BUILT_IN: [(&str, &str); 8] = [
     ("all", include_str!("suites/all.toml")),
     ("rates", include_str!("suites/rates.toml")),
     ("limits", include_str!("suites/limits.toml")),
@@ -22,6 +22,7 @@ const BUILT_IN: [(&str, &str); 7] = [
     ("readme", include_str!("suites/readme.toml")),
     ("speed", include_str!("suites/speed.toml")),
     ("sheet", include_str!("suites/sheet.toml")),
+    ("choices", include_str!("suites/choices.toml")),
 ];
 
 /// Which codecs and settings are compared.
@@ -34,8 +35,10 @@ pub(crate) struct Suite {
     codecs: Option<Vec<String>>,
     /// Efforts of codecs, the fastest first; without, that of the command.
     efforts: Vec<EffortName>,
-    /// Bits a texel that codecs are asked for; without, those that suit each.
-    pub(crate) bpp: Option<Vec<f64>>,
+    /// Bits a texel that codecs are asked for; without, and without PSNRs, those that suit each.
+    bpp: Option<Vec<f64>>,
+    /// PSNRs in dB that codecs are asked for.
+    psnr: Vec<f64>,
     /// Bits a texel at which charts compare speeds; without, 2.
     equal_bpp: Option<f64>,
     /// What errors count, for codecs that have a choice, each a series of its own: "psnr", "perceptual". Without, the codec's own choice.
@@ -101,6 +104,9 @@ fn parse(text: &str) -> Result<Suite, String> {
     if let Some(bpp) = bits.into_iter().find(|bpp| !(bpp.is_finite() && **bpp > 0.0)) {
         return Err(format!("{bpp} is no number of bits"));
     }
+    if let Some(psnr) = suite.psnr.iter().find(|psnr| !(psnr.is_finite() && **psnr > 0.0)) {
+        return Err(format!("{psnr} dB is no PSNR"));
+    }
     if let Some(side) = suite.astc.iter().find(|side| ![4, 5, 6, 8, 10, 12].contains(*side)) {
         return Err(format!("there are no ASTC blocks of {side} texels a side"));
     }
@@ -128,6 +134,14 @@ impl Suite {
     /// Whether the choice among codecs is compared.
     pub(crate) fn has_auto(&self) -> bool {
         self.codecs.iter().flatten().any(|name| name == AUTO)
+    }
+
+    /// What codecs are asked for: bits, or where the suite has no goals those that are `usual`; then PSNRs.
+    pub(crate) fn goals(&self, usual: &[f64]) -> Vec<Goal> {
+        let usual = if self.psnr.is_empty() { usual } else { &[] };
+        let bits = self.bpp.as_deref().unwrap_or(usual);
+        let bits = bits.iter().map(|&bpp| Goal::Bpp(bpp));
+        bits.chain(self.psnr.iter().map(|&psnr| Goal::Psnr(psnr))).collect()
     }
 
     /// Efforts of codecs, where that of the command is `usual`.
@@ -173,6 +187,7 @@ mod tests {
         for (text, word) in [
             ("codecs = [\"dtc\"]", "dtc"),
             ("bpp = [0.0]", "bits"),
+            ("psnr = [-3.0]", "dB"),
             ("astc = [7]", "7"),
             ("jpeg = [0]", "100"),
             ("metrics = [\"loud\"]", "loud"),

@@ -22,7 +22,8 @@ mod suite;
 mod table;
 mod zoom;
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::config::{AlphaChoice, ColorName, EffortName, Options};
@@ -347,17 +348,32 @@ impl Run<'_> {
             list.push([format!("{BATCHES}/{name}")]);
         }
         write_json(out.join("codec-compare.json"), &list)?;
+        // Charts and a sheet of another suite are removed where this one has none of their name.
         let charts = out.join(CHARTS);
         make_folder(&charts)?;
+        remove_all(&charts, "svg");
         for (name, svg) in chart::files(rows, self.suite.equal_bpp()) {
             write_whole(&charts.join(name), svg.as_bytes())?;
         }
-        let sheet = page::sheet(subjects);
-        sheet.map_or(Ok(()), |sheet| png::write(&out.join("sheet.png"), &sheet))?;
+        let sheet = out.join("sheet.png");
+        match page::sheet(subjects) {
+            Some(parts) => png::write(&sheet, &parts)?,
+            None => drop(fs::remove_file(&sheet)),
+        }
         let report = out.join("report.html");
         let draw = |source| CliError::Draw { path: report.clone(), source };
         let html = page::html(self.suite, rows, subjects, self.bench, self.left_out).map_err(draw)?;
         write_whole(&report, html.as_bytes())
+    }
+}
+
+/// Removes the files of a folder with that extension; what cannot be removed stays.
+fn remove_all(folder: &Path, extension: &str) {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    for path in
+        entries.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|of| of == extension))
+    {
+        let _ = fs::remove_file(path);
     }
 }
 

@@ -515,6 +515,13 @@ fn efforts_are_points_of_a_series_in_charts_of_time() {
     // The original of the first kind of pixels and four settings, of two pixels a texel.
     let (width, height, _) = place.samples("out/sheet.png");
     assert_eq!((width, height), (2 * 160, 2 * (5 * 163 - 3)));
+    // Of another comparison no chart stays.
+    fs::write(place.at("out/charts/other.svg"), "").unwrap();
+    assert_eq!(place.run("compare a.png --suite efforts.toml --out out").code, Some(0));
+    assert!(
+        !place.at("out/charts/other.svg").exists()
+            && place.at("out/charts/compressed-size-psnr.svg").exists()
+    );
 }
 
 #[test]

@@ -114,7 +114,7 @@ mod tests {
     use crate::compare::table::tests::row;
 
     #[test]
-    fn choices_are_held_against_the_codec_with_the_fewest_bits() {
+    fn choices_are_compared_with_the_codec_of_the_fewest_bits() {
         let made = |input: &str, series: &str, codec: &str, bpp: f64, psnr: f64| Row {
             series: series.to_owned(),
             codec: codec.to_owned(),

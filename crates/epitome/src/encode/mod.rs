@@ -60,11 +60,11 @@ impl Encoder for Epitome {
 }
 
 impl Epitome {
-    /// As [`Encoder::encode`], for callers that have another codec's texture: gives up after a part of the search where hardly any content
-    /// is read by several leaves, since without that an epitome has no advantage over blocks of variable length.
+    /// As [`Encoder::encode`], for callers that have another codec's texture: an error after the first search where fewer than 1 in 32 cells
+    /// of content have several readers, since without these an epitome has no advantage over blocks of variable length.
     ///
     /// # Errors
-    /// As there, and [`texfold_core::SourceError::OutOfReach`] where it gives up.
+    /// As there, and [`texfold_core::SourceError::OutOfReach`] where hardly any content recurs.
     pub fn encode_shared(
         source: EpitomeSource<'_>,
         params: &EpitomeParams,

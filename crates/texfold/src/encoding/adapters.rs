@@ -104,7 +104,7 @@ pub trait ImageEncoder:
         Self::encode(source, params, job)
     }
 
-    /// As [`ImageEncoder::encode_within`], where another codec's texture is there: may also give up where that of this one cannot be better.
+    /// As [`ImageEncoder::encode_within`], beside another codec's texture: may also end with an error where this codec's own cannot be better.
     ///
     /// # Errors
     /// As there.

@@ -102,7 +102,6 @@ fn columns() -> Table {
         "resampled : maps in memory",
         "photographs : file",
         "dB of matrices",
-        "dB of blended matrices",
         "dB of colours",
         "dB of new views",
         "worst view",
@@ -154,7 +153,6 @@ impl Bench {
             ratio(resampled, maps),
             ratio(3.0 * shown as f64, file),
             format!("{:.2}", quality.psnr_of_terms.get(terms).copied().unwrap_or(quality.psnr)),
-            format!("{:.2}", quality.psnr_of_blends),
             format!("{:.2}", quality.psnr_of_colours),
             format!("{:.2}", found.psnr),
             format!("{:.2}", found.worst),
@@ -178,7 +176,7 @@ impl Bench {
             texfold_cli::draw_photographs(&capture.views, &renderer, camera, false)
         });
         let mut cells = vec!["nearest photograph".to_owned(), texture.mesh().triangles.len().to_string()];
-        cells.extend(["", "", "", "", "", "1", "", "", ""].map(str::to_owned));
+        cells.extend(["", "", "", "", "", "1", "", ""].map(str::to_owned));
         cells.extend([found.psnr, found.worst, found.brightest].map(|value| format!("{value:.2}")));
         cells.extend(["", "", ""].map(str::to_owned));
         table.row(cells);

@@ -7,8 +7,8 @@ use texfold_bc::Content;
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::{Access, Budget, EncodeError, Encoded, Encoder, Job, LightAddress, TextureCodec};
 use texfold_lightfield::{
-    Camera, Capture, CaptureError, Directions, Factors, FitMethod, LightModel, LightParams, LightTexture,
-    Lightfield, MapStorage, Mesh, Photograph, Renderer, Updates,
+    Camera, Capture, CaptureError, Directions, Factors, FitMethod, LightModel, LightParams, LightQuality,
+    LightTexture, Lightfield, MapStorage, Mesh, Photograph, Renderer, Updates,
 };
 use texfold_testkit::capture::{Look, camera, eyes, icosphere, photograph, sphere};
 
@@ -419,6 +419,27 @@ fn a_mesh_has_no_more_triangles_than_its_photographs_need() {
     assert!(of(Some(10.0)).0 <= count);
     let whole = encode(&fine, &params(1));
     assert!(psnr > psnr_of_new_views(&whole, &plain.mesh, Look::Diffuse) - 0.5);
+}
+
+#[test]
+fn vertices_share_view_maps_where_these_reach_the_goal_in_less_memory() {
+    let mesh = icosphere(2);
+    let views = eyes(24, 4.0, 0.0).into_iter().map(|eye| photograph(&mesh, Look::Mirror, camera(eye, 64)));
+    let mirror = Capture { views: views.collect(), mesh };
+    let goal = 30.0;
+    let of = |capture: &Capture, params: &LightParams| {
+        Lightfield::encode_simplified(capture, params, &mut Job::default()).unwrap()
+    };
+    let is_shared =
+        |(texture, _): &(LightTexture, LightQuality)| texture.notes().settings.contains("--regions");
+    let usual = LightParams::default().with_terms(1).with_psnr(goal);
+    let found = of(&mirror, &usual);
+    let (own, _) = Lightfield::encode_measured(&mirror, &usual, &mut Job::default()).unwrap();
+    let bits = [&found.0, &own].map(|texture| texture.memory().compressed);
+    assert!(is_shared(&found) && found.1.psnr >= goal && bits[0] < bits[1], "{} dB, {bits:?}", found.1.psnr);
+    // Where each vertex has a smooth highlight, its own are smaller; and settings are kept.
+    assert!(!is_shared(&of(&sphere(Look::Glossy, 24, 32), &usual.clone().with_psnr(36.0))));
+    assert!(!is_shared(&of(&mirror, &usual.clone().with_grid(8))));
 }
 
 #[test]

@@ -15,6 +15,8 @@ pub enum Look {
     Glossy,
     /// The pattern alone.
     Diffuse,
+    /// The pattern, finer, of the direction that it reflects.
+    Mirror,
     /// Nothing but black.
     Black,
 }
@@ -28,14 +30,16 @@ impl Look {
     /// The colour at a place with a smooth normal, towards a unit vector.
     #[must_use]
     pub fn colour(self, place: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
-        let wave = (place * Vec3::new(0.8, 0.64, 0.48)).map(sin_turns) * 0.2 + Vec3::new(0.4, 0.35, 0.3);
+        let wave =
+            |at: Vec3| (at * Vec3::new(0.8, 0.64, 0.48)).map(sin_turns) * 0.2 + Vec3::new(0.4, 0.35, 0.3);
         let reflected = 2.0 * direction.dot(normal) * normal - direction;
         // The 24th power, about 20 degrees wide, by products, which are the same on every machine.
         let eighth = [0; 3].iter().fold(reflected.dot(light()).max(0.0), |power, _| power * power);
         let highlight = 0.5 * eighth * eighth * eighth;
         match self {
-            Look::Glossy => wave + highlight,
-            Look::Diffuse => wave,
+            Look::Glossy => wave(place) + highlight,
+            Look::Diffuse => wave(place),
+            Look::Mirror => wave(2.0 * reflected),
             Look::Black => Vec3::ZERO,
         }
     }

@@ -99,7 +99,7 @@ pub struct Options {
     #[arg(long, value_name = "FRACTION", help_heading = "Light fields")]
     pub(super) codewords: Option<f32>,
     /// lightfield: divide the mesh into this many regions whose vertices share view maps; by default each vertex has
-    /// its own.
+    /// its own, or with a goal whichever takes less.
     #[arg(long, value_name = "N", help_heading = "Light fields")]
     pub(super) regions: Option<u32>,
     /// lightfield: signs of the factors; signed by default.

@@ -6,6 +6,7 @@ mod assemble;
 mod atlases;
 mod blocks;
 mod coarsen;
+mod few_views;
 mod level;
 mod maps;
 mod multiplicative;
@@ -110,6 +111,11 @@ fn fit(capture: &Capture, params: &LightParams, job: &mut Job<'_>) -> Result<Fit
     params.check()?;
     check(capture).map_err(fault)?;
     let scene = Scene::new(capture, params, job)?;
+    fit_scene(scene, params, job)
+}
+
+/// The maps of all vertices of a scene.
+fn fit_scene(scene: Scene, params: &LightParams, job: &mut Job<'_>) -> Result<FittedMaps, EncodeError> {
     let shared = match params.model.fit {
         FitMethod::Shared { regions } => Some(shared::fit(&scene, params, regions, job)?),
         FitMethod::Scattered | FitMethod::Resampled => None,

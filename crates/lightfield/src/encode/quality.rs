@@ -26,9 +26,6 @@ pub struct LightQuality {
     pub psnr_of_colours: f64,
     /// The same with the mean alone, with one term and so on, over an eighth of the samples.
     pub psnr_of_terms: Vec<f64>,
-    /// As `psnr` in other directions: all texels of the view map between photographs, each blended from the three photographs around it
-    /// that see the whole triangle, as in the paper.
-    pub psnr_of_blends: f64,
     /// Bytes of these matrices as the paper counts them: samples as fine as the photographs resolve them, in 32x32 directions, of 3 bytes.
     pub resampled_bytes: u64,
     /// The largest RMS error, in 8-bit units, of one photograph on one vertex, edge or triangle.
@@ -76,16 +73,10 @@ pub(super) fn measure(scene: &Scene, texture: &LightTexture, cancel: CancelCheck
         (0..elements).into_par_iter().map(|element| compared.element(element)).collect();
     let mut all = Sums { of_terms: vec![Squares::default(); fewer.len()], ..Sums::default() };
     of_elements.iter().for_each(|sums| all.join(sums));
-    let vertices = (0..scene.mesh.positions.len() as u32).into_par_iter();
-    let of_vertices: Vec<Squares> =
-        vertices.map(|vertex| super::resample::error(scene, texture, vertex, cancel)).collect();
-    let mut blends = Squares::default();
-    of_vertices.into_iter().for_each(|squares| blends.join(squares));
     let psnr = all.matrices.psnr();
     LightQuality {
         psnr,
         psnr_of_colours: all.colours.psnr(),
-        psnr_of_blends: blends.psnr(),
         resampled_bytes: u64::from(scene.resolved_samples) * DIRECTIONS * 3,
         psnr_of_terms: all.of_terms.iter().map(Squares::psnr).chain([psnr]).collect(),
         worst_patch_rms: 255.0 * all.worst.sqrt(),

@@ -13,14 +13,7 @@ use texfold_core::CancelCheck;
 use super::maps::{Term, VertexMaps};
 use super::observe::SeenBy;
 use super::scene::Scene;
-use super::squares::Squares;
-use crate::LightTexture;
-use crate::decode::{
-    LightfieldView, texfold_lightfield_direction, texfold_lightfield_disc, texfold_lightfield_local,
-    texfold_lightfield_mean, texfold_lightfield_patch, texfold_lightfield_scales, texfold_lightfield_surface,
-    texfold_lightfield_triangle, texfold_lightfield_value, texfold_lightfield_vertex,
-    texfold_lightfield_view_load, texfold_lightfield_word,
-};
+use crate::decode::{texfold_lightfield_direction, texfold_lightfield_disc, texfold_lightfield_local};
 use crate::params::LightParams;
 
 /// Rounds of power iteration: what is left of the next singular value is its ratio to the power of twice that.
@@ -80,67 +73,6 @@ pub(super) fn fit(scene: &Scene, vertex: u32, params: &LightParams, cancel: Canc
         maps.terms.push(matrix.take_term(cancel));
     }
     maps
-}
-
-/// Squared error of the shipped form against the matrix of one vertex as the paper has it, over all texels of the view map that lie within
-/// the photographs' hull; each channel is a value.
-pub(super) fn error(scene: &Scene, texture: &LightTexture, vertex: u32, cancel: CancelCheck<'_>) -> Squares {
-    let view = texture.view();
-    let grid = texture.grid();
-    let mut squares = Squares::default();
-    for &number in &scene.surface.around[vertex as usize] {
-        let element = &scene.surface.elements[number as usize];
-        let (whole, blends) = wholly_seen(scene, vertex, number, grid);
-        let found = |&&triangle: &&u32| scene.mesh.triangles[triangle as usize].contains(&vertex);
-        let Some(&triangle) = element.triangles.iter().find(found) else { continue };
-        let corners = scene.mesh.triangles[triangle as usize];
-        for sample in (0..element.weights.len()).take_while(|_| !cancel.is_cancelled()) {
-            let barycentric = Vec3::from(corners.map(|corner| element.hat(corner, sample)));
-            let hat = element.hat(vertex, sample);
-            let own = factors(&view, triangle, vertex, barycentric);
-            for (texel, blend) in (0..).zip(&blends).filter(|(_, blend)| blend.share == 1.0) {
-                let colour =
-                    |at: usize| Vec3::from(whole[blend.views[at] as usize].colours[sample].map(f32::from));
-                let wanted = (0..3).map(|at| colour(at) * blend.weights[at]).sum::<Vec3>() / 255.0;
-                let decoded = own.value(&view, texel % grid, texel / grid);
-                squares.add(f64::from(((wanted - own.mean) * hat - decoded).length_squared()), 3);
-            }
-        }
-    }
-    squares
-}
-
-/// What the shipped form has of one sample and vertex: the mean, and for each term the surface map's value with its scale, and the place
-/// of the view map.
-struct Factors {
-    mean: Vec3,
-    terms: Vec<(Vec3, u32)>,
-}
-
-fn factors(view: &LightfieldView<'_>, triangle: u32, vertex: u32, barycentric: Vec3) -> Factors {
-    let first = texfold_lightfield_triangle(view, triangle);
-    let word = |index| texfold_lightfield_word(view, index);
-    let place = word(first + 3);
-    let side = 1 << ((place >> 28) & 7);
-    let read = texfold_lightfield_patch(side, barycentric);
-    let coarse = texfold_lightfield_patch((side >> view.params.reduce_log2).max(1), barycentric);
-    let corner = (0..3).find(|&corner| word(first + corner) == vertex).unwrap_or(0);
-    let own = texfold_lightfield_vertex(view, vertex) + 6;
-    let terms = (0..view.params.terms).filter(|term| word(own + 2 * term) != 0).map(|term| {
-        let surface = texfold_lightfield_surface(view, coarse, word(first + 4 + 3 * term + corner));
-        (surface * texfold_lightfield_scales(word(own + 2 * term)), word(own + 2 * term + 1))
-    });
-    Factors { mean: texfold_lightfield_mean(view, read, place), terms: terms.collect() }
-}
-
-impl Factors {
-    fn value(&self, view: &LightfieldView<'_>, x: u32, y: u32) -> Vec3 {
-        let term = |&(surface, place): &(Vec3, u32)| {
-            let at = glam::UVec2::new((place & 0x3fff) + x, (place >> 14) + y);
-            surface * texfold_lightfield_value(view, texfold_lightfield_view_load(view, at))
-        };
-        self.terms.iter().map(term).sum()
-    }
 }
 
 /// Where the photographs `views` of an element lie on the disc of a vertex, by the direction of the element's middle.

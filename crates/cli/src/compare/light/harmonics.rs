@@ -1,4 +1,7 @@
-//! Spherical harmonics of the colour at each vertex, as clouds of splats and probes have them: a peer of light fields.
+//! Spherical harmonics of the colour at the vertices, as clouds of splats and probes have them, or at points of a lattice over each triangle: a peer
+//! of light fields.
+
+use std::collections::HashMap;
 
 use glam::Vec3;
 use texfold::lightfield::Renderer;
@@ -18,45 +21,108 @@ const LEVELS: f32 = 127.0;
 /// Three colours for each function.
 type Colour = [Vec3; MOST];
 
-/// Coefficients of all vertices.
+/// Coefficients of all points.
 pub(super) struct Harmonics {
     count: usize,
-    vertices: Vec<Colour>,
-    /// Bytes of the coefficients, of a vertex after the other of one function after the other.
+    lattice: Lattice,
+    points: Vec<Colour>,
+    /// Bytes of the coefficients, of a point after the other of one function after the other.
     pub(super) bytes: Vec<u8>,
 }
 
 impl Harmonics {
-    /// Fits each vertex to the photographs that see it, by least squares, and rounds coefficients to 8 bits.
-    pub(super) fn fit(mesh: &Mesh, views: &[Photograph], renderer: &Renderer<'_>, degree: u32) -> Harmonics {
+    /// Fits each point of a lattice of `steps` along the sides of triangles, the vertices alone where that is 1, to the photographs that see it,
+    /// by least squares, and rounds coefficients to 8 bits.
+    pub(super) fn fit(
+        mesh: &Mesh,
+        views: &[Photograph],
+        renderer: &Renderer<'_>,
+        (degree, steps): (u32, u32),
+    ) -> Harmonics {
         let count = ((degree.min(MOST_DEGREE) + 1) * (degree.min(MOST_DEGREE) + 1)) as usize;
-        let mut vertices = vec![[Vec3::ZERO; MOST]; mesh.positions.len()];
-        parallel::for_each_row(&mut vertices, 1, |number, vertex| {
-            vertex[0] = fitted(mesh.positions[number], views, renderer, count);
+        let (lattice, places) = Lattice::over(mesh, steps);
+        let mut points = vec![[Vec3::ZERO; MOST]; places.len()];
+        parallel::for_each_row(&mut points, 1, |number, point| {
+            point[0] = fitted(places[number], views, renderer, count);
         });
         let mut bytes = Vec::new();
         for function in 0..count {
-            let most =
-                vertices.iter().map(|vertex| vertex[function].abs().max_element()).fold(1e-6, f32::max);
-            for vertex in &mut vertices {
-                let steps = (vertex[function] / most * LEVELS).round();
+            let most = points.iter().map(|point| point[function].abs().max_element()).fold(1e-6, f32::max);
+            for point in &mut points {
+                let steps = (point[function] / most * LEVELS).round();
                 bytes.extend(steps.to_array().map(|step| (step as i8) as u8));
-                vertex[function] = steps * most / LEVELS;
+                point[function] = steps * most / LEVELS;
             }
         }
-        Harmonics { count, vertices, bytes }
+        Harmonics { count, lattice, points, bytes }
     }
 
     /// The colour at a place of the mesh towards a direction.
-    pub(super) fn colour(&self, mesh: &Mesh, address: &LightAddress) -> Vec3 {
+    pub(super) fn colour(&self, address: &LightAddress) -> Vec3 {
         let functions = basis(address.direction.normalize_or_zero());
-        let corners = mesh.triangles[address.triangle as usize];
-        let of = |vertex: u32| {
-            let coefficients = &self.vertices[vertex as usize];
+        let of = |point: usize| {
+            let coefficients = &self.points[point];
             coefficients.iter().zip(functions).take(self.count).map(|(c, f)| *c * f).sum::<Vec3>()
         };
-        let weights = address.barycentric.to_array();
-        corners.into_iter().zip(weights).map(|(corner, weight)| weight * of(corner)).sum()
+        self.lattice.around(address).into_iter().map(|(point, weight)| weight * of(point)).sum()
+    }
+}
+
+/// Points of all triangles.
+struct Lattice {
+    /// Steps along a side.
+    steps: u32,
+    /// Of each triangle its points, in rows along the side from the first to the second corner.
+    numbers: Vec<u32>,
+}
+
+impl Lattice {
+    /// And the place of each point: triangles share those of their common sides.
+    fn over(mesh: &Mesh, steps: u32) -> (Lattice, Vec<Vec3>) {
+        let (mut numbers, mut places) = (Vec::new(), Vec::new());
+        let mut known: HashMap<[(u32, u32); 3], u32> = HashMap::new();
+        for &triangle in &mesh.triangles {
+            for (row, column) in
+                (0..=steps).flat_map(|row| (0..=steps - row).map(move |column| (row, column)))
+            {
+                let parts = [steps - row - column, column, row];
+                // A point is its corners and their parts, those without a part left out, whichever triangle names them.
+                let mut key = [0, 1, 2].map(|corner| match parts[corner] {
+                    0 => (u32::MAX, 0),
+                    part => (triangle[corner], part),
+                });
+                key.sort_unstable();
+                numbers.push(*known.entry(key).or_insert_with(|| {
+                    let weighted = mesh.corners(triangle).into_iter().zip(parts);
+                    places.push(
+                        weighted.map(|(corner, part)| corner * part as f32).sum::<Vec3>() / steps as f32,
+                    );
+                    places.len() as u32 - 1
+                }));
+            }
+        }
+        (Lattice { steps, numbers }, places)
+    }
+
+    /// The three points around a place, and their weights.
+    fn around(&self, address: &LightAddress) -> [(usize, f32); 3] {
+        let steps = self.steps as usize;
+        let at = address.barycentric * self.steps as f32;
+        let cell = |value: f32, most: usize| (value.max(0.0) as usize).min(most);
+        let row = cell(at.z, steps - 1);
+        let column = cell(at.y, steps - 1 - row);
+        let (right, down) = (at.y - column as f32, at.z - row as f32);
+        let first = address.triangle as usize * ((steps + 1) * (steps + 2) / 2);
+        let point = |row: usize, column: usize| {
+            self.numbers[first + row * (steps + 1) - row * row.saturating_sub(1) / 2 + column] as usize
+        };
+        let (beside, below) = (point(row, column + 1), point(row + 1, column));
+        // The far half of a cell, which the last of a row does not have.
+        if right + down > 1.0 && row + column + 1 < steps {
+            [(beside, 1.0 - down), (below, 1.0 - right), (point(row + 1, column + 1), right + down - 1.0)]
+        } else {
+            [(point(row, column), 1.0 - right - down), (beside, right), (below, down)]
+        }
     }
 }
 
@@ -151,6 +217,31 @@ mod tests {
             for (column, product) in line.iter().enumerate() {
                 let wanted = if row == column { 1.0 } else { 0.0 };
                 assert!((product - wanted).abs() < 1e-3, "{row} {column}: {product}");
+            }
+        }
+    }
+
+    #[test]
+    fn places_lie_between_the_points_around_them() {
+        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(1.0, 1.0, 0.5)];
+        let mesh = Mesh { positions, triangles: vec![[0, 1, 2], [3, 2, 1]] };
+        for steps in [1, 2, 5] {
+            let (lattice, places) = Lattice::over(&mesh, steps);
+            assert_eq!(places.len() as u32, (steps + 1) * (steps + 1));
+            for (triangle, at) in (0..2).flat_map(|triangle| (0..100).map(move |at| (triangle, at))) {
+                let (b, c) = ((at % 10) as f32 / 9.0, (at / 10) as f32 / 9.0);
+                let barycentric = Vec3::new(1.0 - b - c, b, c);
+                if barycentric.min_element() < 0.0 {
+                    continue;
+                }
+                let address = LightAddress { triangle, barycentric, direction: Vec3::Z };
+                let around = lattice.around(&address);
+                let found: Vec3 = around.iter().map(|&(point, weight)| weight * places[point]).sum();
+                let corners = mesh.corners(mesh.triangles[triangle as usize]);
+                let wanted: Vec3 =
+                    corners.into_iter().zip(barycentric.to_array()).map(|(corner, part)| corner * part).sum();
+                assert!(found.distance(wanted) < 1e-5, "{steps} {barycentric}: {found} {wanted}");
+                assert!(around.iter().all(|&(_, weight)| weight > -1e-5));
             }
         }
     }

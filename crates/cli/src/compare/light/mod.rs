@@ -6,7 +6,7 @@ mod photographs;
 use std::path::Path;
 
 use glam::Vec3;
-use texfold::core::{Capture, Mesh, Photograph};
+use texfold::core::{Capture, Photograph};
 use texfold::lightfield::{
     Directions, FitMethod, LightModel, LightParams, LightTexture, Lightfield, Renderer,
 };
@@ -40,6 +40,8 @@ const TERMS: u32 = 6;
 const SMALL: [(u32, f32); 3] = [(24, 0.4), (110, 0.6), (500, 0.8)];
 /// Qualities of photographs as JPEG textures, and of how many one is kept.
 const KEPT: [(u8, usize); 4] = [(25, 8), (60, 4), (60, 1), (90, 1)];
+/// Texels along a side of a triangle that has harmonics in each.
+const TEXELS: u32 = 4;
 /// Effort of Zstandard.
 const ZSTD_LEVEL: i32 = 19;
 
@@ -64,8 +66,8 @@ enum Way {
     Ours(Box<LightParams>, bool),
     /// One of so many photographs, as JPEG of a quality.
     Photographs { quality: u8, step: usize, is_blended: bool },
-    /// Harmonics of a degree at each vertex.
-    Harmonics(u32),
+    /// Harmonics of a degree at points of a lattice of so many steps along each side of a triangle.
+    Harmonics(u32, u32),
 }
 
 /// All ways.
@@ -109,13 +111,15 @@ pub(super) fn candidates() -> Vec<Candidate> {
             way: Way::Photographs { quality, step, is_blended },
         }));
     }
-    all.extend((1..=MOST_DEGREE).map(|degree| Candidate {
-        codec: HARMONICS,
-        series: "harmonics a vertex",
-        settings: format!("degree {degree}"),
-        has_thumbnail: degree == MOST_DEGREE,
-        way: Way::Harmonics(degree),
-    }));
+    for (series, steps) in [("harmonics a vertex", 1), ("harmonics a texel", TEXELS)] {
+        all.extend((1..=MOST_DEGREE).map(|degree| Candidate {
+            codec: HARMONICS,
+            series,
+            settings: format!("degree {degree}"),
+            has_thumbnail: degree == MOST_DEGREE,
+            way: Way::Harmonics(degree, steps),
+        }));
+    }
     all
 }
 
@@ -196,14 +200,14 @@ impl Scene {
                     draw_photographs(&views, &renderer, camera, *is_blended)
                 })
             }
-            Way::Harmonics(degree) => {
-                let fitted = Harmonics::fit(mesh, &self.source.views, &renderer, *degree);
+            Way::Harmonics(degree, steps) => {
+                let fitted = Harmonics::fit(mesh, &self.source.views, &renderer, (*degree, *steps));
                 let packed = zstd::bulk::compress(&fitted.bytes, ZSTD_LEVEL);
                 let packed = packed
                     .map_err(|source| CliError::Draw { path: path.to_owned(), source: source.into() })?;
                 let cost = clock();
                 let bits = [mesh_memory + 8 * fitted.bytes.len() as u64, mesh_disk + 8 * packed.len() as u64];
-                self.judged(candidate, bits, cost, |camera| draw(camera, mesh, &renderer, &fitted))
+                self.judged(candidate, bits, cost, |camera| draw(camera, &renderer, &fitted))
             }
         }
     }
@@ -247,14 +251,14 @@ impl Scene {
 }
 
 /// What a camera sees of a mesh with harmonics.
-fn draw(camera: &Camera, mesh: &Mesh, renderer: &Renderer<'_>, harmonics: &Harmonics) -> Vec<[u8; 4]> {
+fn draw(camera: &Camera, renderer: &Renderer<'_>, harmonics: &Harmonics) -> Vec<[u8; 4]> {
     let mut pixels = vec![[0; 4]; (camera.width * camera.height) as usize];
     parallel::for_each_row(&mut pixels, camera.width as usize, |row, line| {
         for (column, pixel) in line.iter_mut().enumerate() {
             let ray = camera.ray(glam::Vec2::new(column as f32, row as f32) + 0.5);
             let Some((_, address)) = renderer.meet(camera.eye(), ray) else { continue };
             let [red, green, blue] =
-                harmonics.colour(mesh, &address).clamp(Vec3::ZERO, Vec3::ONE).to_array().map(to_u8);
+                harmonics.colour(&address).clamp(Vec3::ZERO, Vec3::ONE).to_array().map(to_u8);
             *pixel = [red, green, blue, u8::MAX];
         }
     });

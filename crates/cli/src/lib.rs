@@ -17,6 +17,7 @@ mod error;
 mod files;
 mod info;
 mod input;
+mod material_figures;
 mod memory;
 mod normals;
 mod output;
@@ -33,7 +34,7 @@ mod thumbnail;
 mod view;
 
 pub use bank_command::{BankCommand, ExtractArgs, ListArgs};
-pub use compare::{CompareArgs, astc_by_astcenc, cpu_seconds, draw_photographs};
+pub use compare::{CompareArgs, cpu_seconds, draw_photographs};
 pub use compress::CompressArgs;
 pub use config::{
     AlphaChoice, CodecName, ColorName, ContentName, EffortName, Options, RunOptions, Samples, Sides,
@@ -42,8 +43,6 @@ pub use decompress::DecompressArgs;
 pub use info::InfoArgs;
 #[doc(hidden)]
 pub use input::foreign::{FOREIGN, read_foreign};
-pub use input::material::materials_of;
-pub use normals::degrees_of;
 pub use pack::{PackArgs, UnpackArgs};
 pub use perceptual::{butteraugli, ssimulacra2};
 pub use render::RenderArgs;

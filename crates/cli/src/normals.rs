@@ -38,7 +38,7 @@ pub(crate) fn mean_degrees(images: &ImageSet, texture: &dyn Encoded<Domain = Ima
 
 /// Mean angle in degrees between the normals of an image and of what it is decoded to; `None` where it has none of three channels.
 #[must_use]
-pub fn degrees_of(source: &Raster, decoded: &Raster) -> Option<f64> {
+pub(crate) fn degrees_of(source: &Raster, decoded: &Raster) -> Option<f64> {
     let angle = |(a, b): (Texel, Texel)| f64::from(normal(a).angle_between(normal(b)));
     let mean =
         || source.texels().zip(decoded.texels()).map(angle).sum::<f64>() / source.size().texels() as f64;

@@ -31,7 +31,7 @@ pub(super) fn batch(line: &Line<'_>) -> Value {
 /// Name, description and value; a field that a row lacks is left out.
 type Field = (&'static str, &'static str, fn(&Row) -> Option<Value>);
 
-const FIELDS: [Field; 14] = [
+const FIELDS: [Field; 16] = [
     ("original_name", "Input", |row| Some(json!(row.input))),
     ("settings", "Settings of the codec", |row| Some(json!(row.settings))),
     ("effort", "Effort of the encoder", |row| Some(json!(row.effort))),
@@ -45,6 +45,10 @@ const FIELDS: [Field; 14] = [
     ("ssim", "Structural similarity", |row| Some(json!(row.ssim))),
     ("ssimulacra2", "SSIMULACRA 2", |row| row.ssimulacra2.map(|figure| json!(figure))),
     ("butteraugli", "Butteraugli, 3-norm", |row| row.butteraugli.map(|figure| json!(figure))),
+    ("degrees", "Mean angle between normals", |row| row.material.degrees.map(|figure| json!(figure))),
+    ("lit_ssimulacra2", "SSIMULACRA 2 of the lit surface", |row| {
+        row.material.lit.map(|figure| json!(figure))
+    }),
     ("encoding_time", "Seconds of encoding", |row| Some(json!(row.encode_seconds))),
     ("encoding_cpu_time", "CPU seconds of encoding", |row| {
         row.encode_cpu_seconds.map(|figure| json!(figure))

@@ -20,6 +20,7 @@ use super::storage::{self, File, Storage};
 use super::suite::Suite;
 use super::table::Row;
 use crate::error::CliError;
+use crate::material_figures::MaterialFigures;
 use crate::perceptual::{butteraugli, mean, ssimulacra2};
 use crate::report::Figures;
 
@@ -226,12 +227,11 @@ impl Bench {
         let (figures, shipped) =
             Figures::of(images, &bytes).map_err(|source| CliError::Load { path: path.to_owned(), source })?;
         let encoded = shipped.as_encoded();
-        let decoded = crate::decompress::decode(path, encoded, 0, 0)?;
-        let mut differences = vec![(butteraugli(&images.images()[0], &decoded), 1.0)];
-        for (number, image) in images.images().iter().enumerate().skip(1) {
-            let decoded = crate::decompress::decode(path, encoded, number as u32, 0)?;
-            differences.push((butteraugli(image, &decoded), 1.0));
-        }
+        let numbers = 0..images.images().len() as u32;
+        let decoded = numbers.map(|number| crate::decompress::decode(path, encoded, number, 0));
+        let decoded = decoded.collect::<Result<Vec<Raster>, _>>()?;
+        let pairs = images.images().iter().zip(&decoded);
+        let differences = pairs.map(|(image, decoded)| (butteraugli(image, decoded), 1.0));
         let row = Row {
             input: String::new(),
             // Of a choice among codecs, the one that was chosen.
@@ -243,7 +243,7 @@ impl Bench {
             psnr: figures.psnr,
             ssim: figures.ssim,
             ssimulacra2: figures.ssimulacra2,
-            butteraugli: mean(differences.into_iter()),
+            butteraugli: mean(differences),
             encode_seconds: cost.seconds,
             texels: images.texel_count() as f64,
             decode_cpu_texels_per_second: Some(self.cpu_speed(encoded)),
@@ -253,9 +253,10 @@ impl Bench {
             encode_cpu_seconds: cost.known_cpu_seconds(),
             size: size_of_first(images),
             effort: candidate.effort.clone(),
+            material: MaterialFigures::of(images, &decoded.iter().collect::<Vec<_>>()),
             inputs: 1,
         };
-        Ok(Measured { row, decoded: Some(decoded), file: Some(bytes) })
+        Ok(Measured { row, decoded: decoded.into_iter().next(), file: Some(bytes) })
     }
 
     /// Texels a second of whole decodes on one thread: the median of several.
@@ -340,6 +341,7 @@ pub(super) fn external(
         encode_cpu_seconds: cost.known_cpu_seconds(),
         size: size_of_first(images),
         effort: effort.to_owned(),
+        material: MaterialFigures::of(images, &coded.iter().map(|coded| &coded.decoded).collect::<Vec<_>>()),
         inputs: 1,
     };
     Measured { row, decoded: coded.into_iter().next().map(|coded| coded.decoded), file: None }

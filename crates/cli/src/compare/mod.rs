@@ -47,7 +47,6 @@ use zoom::Zoom;
 
 pub use light::draw_photographs;
 pub use measure::cpu_seconds;
-pub use rival::astc_by_astcenc;
 
 /// Inputs that the report shows images of; further ones are in the table alone.
 const THUMBNAIL_INPUTS: usize = 24;
@@ -76,7 +75,7 @@ pub struct CompareArgs {
     kind: Option<Kind>,
     /// Which codecs and settings are compared: all, those that suit each codec; rates, the same bits for all; limits, the fewest bits, beside
     /// formats for storage; peers, formats that engines ship; speed, what encoding time buys; readme, a few; sheet, one setting to
-    /// look at; choices, what auto returns beside each codec alone; or a file NAME.toml.
+    /// look at; choices, what auto returns beside each codec alone; materials, with --as material; or a file NAME.toml.
     #[arg(long, value_name = "NAME", default_value = "all")]
     suite: String,
     /// Measure no further setting after so many minutes.

@@ -14,6 +14,7 @@ use super::storage::Storage;
 use super::suite::{AUTO, Suite};
 use super::table::{Row, difference, means, score};
 use super::{chart, choices, equal, light};
+use crate::material_figures::MaterialFigures;
 use crate::{png, thumbnail};
 
 /// Side in texels of the images: the middle of each input.
@@ -222,10 +223,14 @@ fn circumstances(bench: &Bench, rows: &[Row]) -> String {
 }
 
 fn table(means: &[Row]) -> String {
+    let of_materials = means.iter().any(|row| row.material != MaterialFigures::default());
     let mut text = String::from(
         "<div class=\"wide\"><table><tr><th>series<th class=\"text\">settings<th>inputs<th>bits compressed<th>bits decoded whole<th>bits disk<th>PSNR dB<th>SSIM<th>SSIMULACRA2<th>butteraugli\
          <th>encode s<th>CPU s/Mtexel<th>CPU Mtexel/s<th>GPU Mtexel/s",
     );
+    if of_materials {
+        text.push_str("<th>normals, degrees<th>lit, SSIMULACRA2");
+    }
     let speed = |speed: Option<f64>| speed.map_or("-".to_owned(), |speed| format!("{:.1}", speed / 1e6));
     for row in means {
         let _ = write!(
@@ -246,6 +251,10 @@ fn table(means: &[Row]) -> String {
             speed(row.decode_cpu_texels_per_second),
             speed(row.decode_gpu_texels_per_second)
         );
+        if of_materials {
+            let MaterialFigures { degrees, lit } = row.material;
+            let _ = write!(text, "<td>{}<td>{}", difference(degrees), score(lit));
+        }
     }
     text.push_str("</table></div>");
     text

@@ -1,6 +1,5 @@
 //! The rival ASTC, by the external program `astcenc` where it is installed.
 
-use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -17,21 +16,6 @@ const BLOCK_BITS: u64 = 128;
 
 /// Names that the program is installed under.
 const NAMES: [&str; 4] = ["astcenc", "astcenc-avx2", "astcenc-sse2", "astcenc-neon"];
-
-/// `image` in ASTC blocks of that side by a preset of the external program `astcenc`, decoded, and its bits; `None` where the
-/// program is not installed.
-///
-/// # Errors
-/// Where the program fails.
-pub fn astc_by_astcenc(
-    image: &Raster,
-    side: u32,
-    preset: &str,
-) -> Result<Option<(Raster, u64)>, Box<dyn Error + Send + Sync>> {
-    let Some(astcenc) = Astcenc::find() else { return Ok(None) };
-    let coded = astcenc.code(image, side, preset, Path::new("the image"))?;
-    Ok(Some((coded.decoded, coded.bits)))
-}
 
 /// The external encoder.
 #[derive(Debug, Clone)]

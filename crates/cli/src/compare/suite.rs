@@ -14,7 +14,7 @@ use crate::error::UsageError;
 pub(super) const AUTO: &str = "auto";
 
 /// Those that are built in.
-const BUILT_IN: [(&str, &str); 8] = [
+const BUILT_IN: [(&str, &str); 9] = [
     ("all", include_str!("suites/all.toml")),
     ("rates", include_str!("suites/rates.toml")),
     ("limits", include_str!("suites/limits.toml")),
@@ -23,6 +23,7 @@ const BUILT_IN: [(&str, &str); 8] = [
     ("speed", include_str!("suites/speed.toml")),
     ("sheet", include_str!("suites/sheet.toml")),
     ("choices", include_str!("suites/choices.toml")),
+    ("materials", include_str!("suites/materials.toml")),
 ];
 
 /// Which codecs and settings are compared.

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::material_figures::MaterialFigures;
+
 /// One setting on one input.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Row {
@@ -35,6 +37,9 @@ pub(crate) struct Row {
     pub(crate) size: (u32, u32),
     /// Effort of the encoder, in its own words; empty where it has no choice.
     pub(crate) effort: String,
+    /// Of normals and of what is lit; columns of their own.
+    #[serde(flatten)]
+    pub(crate) material: MaterialFigures,
     /// How many inputs this is the mean of.
     #[serde(skip, default = "one")]
     pub(crate) inputs: usize,
@@ -50,7 +55,7 @@ fn infinite_without<'de, D: serde::Deserializer<'de>>(reader: D) -> Result<f64, 
 }
 
 const HEADER: &str = "input,codec,settings,bpp_memory,bpp_disk,psnr,ssim,encode_seconds,\
-                      decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident,butteraugli,series,encode_cpu_seconds,effort";
+                      decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident,butteraugli,series,encode_cpu_seconds,effort,degrees,lit_ssimulacra2";
 
 impl Row {
     /// The row for a terminal.
@@ -113,6 +118,8 @@ pub(crate) fn csv(rows: &[Row]) -> String {
             quoted(&row.series),
             row.encode_cpu_seconds.map_or(String::new(), |seconds| format!("{seconds:.2}")),
             quoted(&row.effort),
+            row.material.degrees.map_or(String::new(), |figure| format!("{figure:.4}")),
+            row.material.lit.map_or(String::new(), |figure| format!("{figure:.4}")),
         ];
         text.push_str(&fields.join(","));
         text.push('\n');
@@ -174,6 +181,10 @@ fn mean(group: &[&Row]) -> Row {
         encode_cpu_seconds: mean_of(&|row| row.encode_cpu_seconds),
         size: group[0].size,
         effort: group[0].effort.clone(),
+        material: MaterialFigures {
+            degrees: mean_of(&|row| row.material.degrees),
+            lit: mean_of(&|row| row.material.lit),
+        },
         inputs: group.len(),
     }
 }
@@ -203,6 +214,7 @@ pub(super) mod tests {
             encode_cpu_seconds: Some(0.75),
             size: (10, 10),
             effort: "fast".to_owned(),
+            material: MaterialFigures { degrees: Some(1.5), lit: None },
             inputs: 1,
         }
     }
@@ -233,9 +245,9 @@ pub(super) mod tests {
         assert_eq!(
             text.lines().nth(1),
             Some(
-                "\"a,\"\"b\"\".png\",bc,x,4.000000,3.000000,30.0000,0.900000,0.500000,1000000,,1,70.0000,4.000000,1.5000,\"BC1, x\",0.75,fast"
+                "\"a,\"\"b\"\".png\",bc,x,4.000000,3.000000,30.0000,0.900000,0.500000,1000000,,1,70.0000,4.000000,1.5000,\"BC1, x\",0.75,fast,1.5000,"
             )
         );
-        assert_eq!(text.lines().next().map(|header| header.split(',').count()), Some(17));
+        assert_eq!(text.lines().next().map(|header| header.split(',').count()), Some(19));
     }
 }

@@ -1,17 +1,15 @@
 //! The maps of materials, by the ends of their files' names.
 
-use std::error::Error;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use texfold_core::SourceError;
 use texfold_core::image::{Alpha, ColorSpace, ImageSet, MapInfo, MapKind, Raster};
 
-use super::find::{Inputs, Unusable, find, folder_name};
+use super::find::{Inputs, Unusable, folder_name};
 use super::{Content, Found, Remarks, container, read};
-use crate::config::{MapName, Options};
+use crate::config::MapName;
 use crate::error::CliError;
-use crate::memory;
 use crate::settings::{Kind, Settings};
 
 /// A file that is a map by its name, as a material of one map.
@@ -63,21 +61,6 @@ pub(super) fn gather(inputs: &mut Inputs) {
         }
     }
     inputs.found = gathered;
-}
-
-/// The materials of a folder by their names, as `compress --as material` takes them.
-///
-/// # Errors
-/// Files that cannot be read.
-pub fn materials_of(folder: &Path) -> Result<Vec<(String, ImageSet)>, Box<dyn Error + Send + Sync>> {
-    let found = find(&[folder.to_owned()], |_| Some(Kind::Material)).found;
-    let read = |found: Result<Found, Unusable>| {
-        let found = found.map_err(|unusable| *unusable.error)?;
-        let settings = Options::default().resolve_material(&found.path)?;
-        let set = read_maps(&found.files, &settings, memory::limit(None), &mut Remarks::default())?;
-        Ok((found.stem.to_string_lossy().into_owned(), set))
-    };
-    found.into_iter().map(read).collect()
 }
 
 /// Reads the maps of a material. Gray that is stored as RGB becomes one channel.

@@ -92,6 +92,27 @@ fn maps_are_decoded_on_a_gpu_as_on_the_cpu() {
 }
 
 #[test]
+fn a_comparison_tells_how_far_normals_turn_and_how_close_the_lit_surface_comes() {
+    let place = Place::new();
+    folder(&place);
+    let suite = "title = \"few\"\ncodecs = [\"dct\"]\nbpp = [2.0, 12.0]\nmetrics = [\"psnr\"]\n";
+    fs::write(place.at("few.toml"), suite).unwrap();
+    let run = place.run("compare in --as material --suite few.toml --out out --effort fast");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let rows: Vec<Value> = serde_json::from_slice(&fs::read(place.at("out/results.json")).unwrap()).unwrap();
+    let of = |name: &str, figure: &str| -> Vec<Option<f64>> {
+        let rows = rows.iter().filter(|row| row["input"].as_str().unwrap().contains(name));
+        rows.map(|row| row[figure].as_f64()).collect()
+    };
+    let (degrees, lit) = (of("Wall_2K", "degrees"), of("Wall_2K", "lit"));
+    assert!(degrees.len() == 2 && degrees[1] > Some(0.0) && degrees[1] < degrees[0], "{degrees:?}");
+    assert!(lit[0] < lit[1] && lit[1] > Some(50.0), "{lit:?}");
+    assert_eq!((of("floor", "degrees"), of("floor", "lit")), (vec![None; 2], vec![None; 2]));
+    let page = fs::read_to_string(place.at("out/report.html")).unwrap();
+    assert!(page.contains("normals, degrees<th>lit, SSIMULACRA2"));
+}
+
+#[test]
 fn what_is_no_material_is_refused_by_name() {
     let place = Place::new();
     folder(&place);

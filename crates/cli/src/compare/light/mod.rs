@@ -20,6 +20,7 @@ use super::table::Row;
 use crate::compress::light::{Similarity, masked, similarity};
 use crate::error::CliError;
 use crate::input::{Found, capture};
+use crate::material_figures::MaterialFigures;
 use harmonics::{Harmonics, MOST_DEGREE};
 pub use photographs::draw_photographs;
 
@@ -244,6 +245,7 @@ impl Scene {
             encode_cpu_seconds: cost.known_cpu_seconds(),
             size: (camera.width, camera.height),
             effort: String::new(),
+            material: MaterialFigures::default(),
             inputs: 1,
         };
         Ok(Measured { row, decoded: Some(decoded), file: None })

@@ -20,10 +20,9 @@ const AMBIENT: f32 = 0.15;
 #[serde(default)]
 pub(crate) struct MaterialFigures {
     /// Mean angle in degrees between the normals of the first map of normals; `None` where there is none of three channels.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) degrees: Option<f64>,
     /// SSIMULACRA2 of the lit surface; `None` without a map of colours beside others.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "lit_ssimulacra2")]
     pub(crate) lit: Option<f64>,
 }
 

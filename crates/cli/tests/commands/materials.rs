@@ -104,10 +104,10 @@ fn a_comparison_tells_how_far_normals_turn_and_how_close_the_lit_surface_comes()
         let rows = rows.iter().filter(|row| row["input"].as_str().unwrap().contains(name));
         rows.map(|row| row[figure].as_f64()).collect()
     };
-    let (degrees, lit) = (of("Wall_2K", "degrees"), of("Wall_2K", "lit"));
+    let (degrees, lit) = (of("Wall_2K", "degrees"), of("Wall_2K", "lit_ssimulacra2"));
     assert!(degrees.len() == 2 && degrees[1] > Some(0.0) && degrees[1] < degrees[0], "{degrees:?}");
     assert!(lit[0] < lit[1] && lit[1] > Some(50.0), "{lit:?}");
-    assert_eq!((of("floor", "degrees"), of("floor", "lit")), (vec![None; 2], vec![None; 2]));
+    assert_eq!((of("floor", "degrees"), of("floor", "lit_ssimulacra2")), (vec![None; 2], vec![None; 2]));
     let page = fs::read_to_string(place.at("out/report.html")).unwrap();
     assert!(page.contains("normals, degrees<th>lit, SSIMULACRA2"));
 }

@@ -390,7 +390,7 @@ fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
     let csv = fs::read_to_string(place.at("out/results.csv")).unwrap();
     assert_eq!(csv.lines().count(), rows.len() + 1);
     let header = "input,codec,settings,bpp_memory,bpp_disk,psnr,ssim,encode_seconds,\
-                  decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident,butteraugli,series,encode_cpu_seconds,effort";
+                  decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident,butteraugli,series,encode_cpu_seconds,effort,degrees,lit_ssimulacra2";
     assert_eq!(csv.lines().next(), Some(header));
     for name in header.split(',') {
         assert!(rows.iter().all(|row| row.get(name).is_some()), "{name}");

@@ -10,7 +10,7 @@ use super::quality::{self, LightQuality};
 use super::scene::Scene;
 use super::{FittedMaps, fit_scene};
 use crate::kinds::Directions;
-use crate::params::{FitMethod, LightParams, MapSizes, MapStorage};
+use crate::params::{FitMethod, LightParams, MapSizes, MapStorage, Updates};
 use crate::{Capture, LightTexture};
 
 /// Regions of the first fit, of a fit where its maps do not reach the goal, and of one where they do.
@@ -42,6 +42,7 @@ pub(super) fn encode(
     let is_usual = model == model.with_fit(FitMethod::default()).with_directions(Directions::default())
         && maps == MapSizes { sampling: maps.sampling, ..MapSizes::default() }
         && params.storage == MapStorage::default().with_loss(params.storage.loss)
+        && model.updates == Updates::default()
         && params.terms > 0;
     let Some(goal) = params.psnr.filter(|_| is_usual) else { return Ok(None) };
     let storage = MapStorage::default().with_access(Access::Texel).with_content(Content::Bc1);

@@ -77,7 +77,7 @@ struct Lattice {
 }
 
 impl Lattice {
-    /// And the place of each point: triangles share those of their common sides.
+    /// The lattice of a mesh and the place of each point; triangles share the points of their common sides.
     fn over(mesh: &Mesh, steps: u32) -> (Lattice, Vec<Vec3>) {
         let (mut numbers, mut places) = (Vec::new(), Vec::new());
         let mut known: HashMap<[(u32, u32); 3], u32> = HashMap::new();

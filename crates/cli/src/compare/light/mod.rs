@@ -41,7 +41,7 @@ const TERMS: u32 = 6;
 const SMALL: [(u32, f32); 3] = [(24, 0.4), (110, 0.6), (500, 0.8)];
 /// Qualities of photographs as JPEG textures, and of how many one is kept.
 const KEPT: [(u8, usize); 4] = [(25, 8), (60, 4), (60, 1), (90, 1)];
-/// Texels along a side of a triangle that has harmonics in each.
+/// Steps of the lattice along a side of a triangle, for harmonics at texels.
 const TEXELS: u32 = 4;
 /// Effort of Zstandard.
 const ZSTD_LEVEL: i32 = 19;

@@ -70,7 +70,7 @@ const TWINS: [Twin; 10] = [
 ];
 
 /// WGSL functions without a twin of that name, and why.
-const ALONE: [(&str, &str); 13] = [
+const ALONE: [(&str, &str); 14] = [
     ("texfold_blend", "texfold_bilinear of four loads: planes of codecs are not alike on a CPU"),
     ("texfold_srgb_to_linear", "its twin is texfold_core::image::srgb_to_linear"),
     ("texfold_linear", "texfold_srgb_to_linear on three channels"),
@@ -83,6 +83,7 @@ const ALONE: [(&str, &str); 13] = [
     ("texfold_epitome_sample", "takes derivatives, which a CPU does not have"),
     ("texfold_progressive_sample_grad", "texfold_level, then texfold_progressive_sample_level"),
     ("texfold_progressive_sample", "takes derivatives, which a CPU does not have"),
+    ("texfold_zipmap_tap", "a CPU clears the border of levels of means when it decodes them"),
     ("texfold_zipmap_sample", "takes derivatives, which a CPU does not have"),
 ];
 

@@ -75,7 +75,7 @@ struct TexfoldZipmapPatch {
 @group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_2) var texfold_zipmap_root_a: texture_2d<f32>;
 // The same texture as root a where there is one plane only.
 @group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_3) var texfold_zipmap_root_b: texture_2d<f32>;
-// All mip levels of all patches.
+// All levels of all patches. Blocks of variable length make two of three levels of means: these lie in its mip levels.
 @group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_4) var texfold_zipmap_atlas: texture_2d<f32>;
 
 // Where texel `index` of the table lies.
@@ -113,19 +113,29 @@ fn texfold_zipmap_patch(index: u32) -> TexfoldZipmapPatch {
     );
 }
 
-// Four texels of a level around `at`, in texels of it, blended: from `origin` on in the plane.
-fn texfold_zipmap_blend(origin: vec2<i32>, size: vec2<i32>, at: vec2<f32>) -> vec4<f32> {
-    let place = clamp(at - vec2<f32>(0.5), vec2<f32>(0.0), vec2<f32>(size - vec2<i32>(1)));
+// A texel of mip level `mip` of the plane, in a column and a row that count: the border of levels of means is transparent.
+fn texfold_zipmap_tap(at: vec2<i32>, mip: u32, counts: bool) -> vec4<f32> {
+    let texel = textureLoad(texfold_zipmap_atlas, at, i32(mip));
+    return vec4<f32>(texel.xyz, select(0.0, texel.w, counts));
+}
+
+// Four texels of a level around `at`, in texels of it, blended: from `origin` on in mip level `mip` of the plane.
+fn texfold_zipmap_blend(origin: vec2<i32>, mip: u32, size: vec2<i32>, at: vec2<f32>) -> vec4<f32> {
+    let last = size - vec2<i32>(1);
+    let place = clamp(at - vec2<f32>(0.5), vec2<f32>(0.0), vec2<f32>(last));
     let corner = vec2<i32>(place);
     let low = origin + corner;
     // Behind the last column or row, where the weight is 0.
     let high = low + vec2<i32>(1);
+    let is_stored = vec2<bool>(mip == 0u);
+    let first = is_stored | ((corner > vec2<i32>(0)) & (corner < last));
+    let second = is_stored | (corner + vec2<i32>(1) < last);
     return texfold_bilinear(
         array<vec4<f32>, 4>(
-            textureLoad(texfold_zipmap_atlas, low, 0),
-            textureLoad(texfold_zipmap_atlas, vec2<i32>(high.x, low.y), 0),
-            textureLoad(texfold_zipmap_atlas, vec2<i32>(low.x, high.y), 0),
-            textureLoad(texfold_zipmap_atlas, high, 0),
+            texfold_zipmap_tap(low, mip, first.x & first.y),
+            texfold_zipmap_tap(vec2<i32>(high.x, low.y), mip, second.x & first.y),
+            texfold_zipmap_tap(vec2<i32>(low.x, high.y), mip, first.x & second.y),
+            texfold_zipmap_tap(high, mip, second.x & second.y),
         ),
         place - vec2<f32>(corner),
     );
@@ -143,7 +153,7 @@ fn texfold_zipmap_near(index: u32, uv: vec2<f32>) -> vec4<f32> {
     let place = layer.by_u * uv.x + layer.by_v * uv.y + layer.by_one;
     let at = place.xy / place.z;
     let inside = all(at >= vec2<f32>(0.0)) & all(at <= vec2<f32>(layer.size));
-    let texel = texfold_zipmap_blend(layer.origin, layer.size, at);
+    let texel = texfold_zipmap_blend(layer.origin, 0u, layer.size, at);
     return texfold_zipmap_visible(texel, inside & (place.z >= TEXFOLD_ZIPMAP_HORIZON));
 }
 
@@ -151,7 +161,8 @@ fn texfold_zipmap_near(index: u32, uv: vec2<f32>) -> vec4<f32> {
 fn texfold_zipmap_level(layer: TexfoldZipmapPatch, share: vec2<f32>, level: u32) -> vec4<f32> {
     let size = vec2<i32>(texfold_level_size(vec2<u32>(layer.size), level));
     let origin = texfold_zipmap_entry(layer.start + 3u + level / 4u)[level % 4u];
-    return texfold_zipmap_blend(texfold_zipmap_pair(origin), size, share * vec2<f32>(size));
+    let place = texfold_zipmap_pair(origin & 0xffff1fffu);
+    return texfold_zipmap_blend(place, (origin >> 13u) & 7u, size, share * vec2<f32>(size));
 }
 
 // Colour and alpha of a patch at `uv` of the root, which moves by `dx` and `dy` to the pixels right and below.

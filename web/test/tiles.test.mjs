@@ -65,7 +65,7 @@ function difference(view, { width, height, data }) {
 const TOO_LONG = 3;
 
 test("tiles of all codecs of images equal decoded texels", options, async () => {
-  const files = ["dct", "dct_alpha", "bc_bc7", "vq_bc1_mips", "epitome_block", "epitome_errors", "progressive", "zipmap_block"].map(file);
+  const files = ["dct", "dct_alpha", "bc_bc7", "vq_bc1_mips", "epitome_block", "epitome_errors", "progressive", "zipmap_block", "zipmap_means"].map(file);
   const urls = [...files, `data:;base64,${LONG}`];
   const textures = await cache(urls);
   for (const [number, url] of urls.entries()) {

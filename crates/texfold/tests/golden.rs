@@ -259,10 +259,17 @@ fn a_zipmap_decodes_as_ever() {
     assert_level_decodes("zipmap", 5, &["zipmap-level5.png".to_owned()]);
 }
 
-/// The same stack in blocks, written by `texfold compress STACK --as zoom --bpp 3 --out .`, and its images by
-/// `texfold decompress zipmap_block.txf --out .` with `--lod 2` and `--lod 5`.
+/// The same stack in blocks with each level of its patches, as they were written before blocks gave means of these.
 #[test]
 fn a_zipmap_in_blocks_decodes_as_ever() {
     assert_level_decodes("zipmap_block", 2, &["zipmap_block-level2.png".to_owned()]);
     assert_level_decodes("zipmap_block", 5, &["zipmap_block-level5.png".to_owned()]);
+}
+
+/// The same stack in blocks with levels of means, written by `texfold compress STACK --as zoom --bpp 3 --out .`, and its images by
+/// `texfold decompress zipmap_means.txf --out .` with `--lod 2` and `--lod 3`.
+#[test]
+fn a_zipmap_in_blocks_with_means_decodes_as_ever() {
+    assert_level_decodes("zipmap_means", 2, &["zipmap_means-level2.png".to_owned()]);
+    assert_level_decodes("zipmap_means", 3, &["zipmap_means-level3.png".to_owned()]);
 }

@@ -15,7 +15,6 @@ use texfold_core::{
 };
 use texfold_dct::DctContent;
 
-use crate::atlas::pack;
 use crate::decode::{
     TEXFOLD_ZIPMAP_RECORD, TexfoldZipmapParams, ZipmapView, texfold_zipmap_fetch, texfold_zipmap_sample_grad,
 };
@@ -94,7 +93,7 @@ impl ZipTexture {
 
     /// Lays the parts out for sampling; `None` where the patches do not fit a plane.
     pub(crate) fn new(parts: Parts, notes: Notes) -> Option<ZipTexture> {
-        let (origins, atlas) = pack(&parts.images, parts.granularity())?;
+        let (origins, atlas) = parts.packing()?;
         let tiles = tiles_a_side(parts.patches.len());
         let mut table = directory(&parts, tiles);
         // A row holds whole records.
@@ -104,7 +103,7 @@ impl ZipTexture {
             let (ImageForm { size, levels }, origins) =
                 (parts.images[patch.content], &origins[patch.content]);
             let numbers = (levels as usize, patch.content);
-            table.extend(record(&patch.matrix, (size.width, size.height), numbers, origins));
+            table.extend(record(&patch.matrix, (size.width, size.height), numbers, (origins, parts.mips())));
         }
         let columns = (table.len()).min(1 << ROW_LOG2);
         table.resize(table.len().next_multiple_of(columns), UVec4::ZERO);
@@ -148,7 +147,10 @@ impl ZipTexture {
                 }
             }
             Payload::Blocks { root, atlas } => {
-                let atlas = atlas.as_ref().map(|atlas| level_bytes(atlas, 0)).unwrap_or_default();
+                let mips = |atlas: &DctContent| {
+                    (0..atlas.layout().levels).map(|mip| level_bytes(atlas, mip)).collect::<Vec<_>>()
+                };
+                let atlas = atlas.as_deref().map(mips).unwrap_or_default();
                 Texels {
                     root: (0..self.parts.root_levels()).map(|level| level_bytes(root, level)).collect(),
                     contents: map(self.parts.images.len(), |image| self.cut(&atlas, image)),
@@ -157,14 +159,19 @@ impl ZipTexture {
         }
     }
 
-    /// The levels of a patch image from the texels of the atlas.
-    fn cut(&self, atlas: &[[u8; 4]], image: usize) -> Vec<Vec<[u8; 4]>> {
-        let (form, across) = (self.parts.images[image], self.atlas.0 as usize);
+    /// The levels of a patch image from the mip levels of the atlas. Means have no clear border of their own.
+    fn cut(&self, atlas: &[Vec<[u8; 4]>], image: usize) -> Vec<Vec<[u8; 4]>> {
+        let form = self.parts.images[image];
         let level = |(level, &(x, y)): (u32, &(u32, u32))| {
-            let size = form.size.at_level(level);
+            let (size, mip) = (form.size.at_level(level), level % self.parts.mips());
+            let (across, width) = ((self.atlas.0 >> mip) as usize, size.width as usize);
             let rows = y as usize..(y + size.height) as usize;
-            let row = |row: usize| &atlas[row * across + x as usize..][..size.width as usize];
-            rows.flat_map(row).copied().collect()
+            let row = |row: usize| &atlas[mip as usize][row * across + x as usize..][..width];
+            let mut texels: Vec<[u8; 4]> = rows.flat_map(row).copied().collect();
+            if mip > 0 {
+                clear_border(&mut texels, size);
+            }
+            texels
         };
         (0..).zip(&self.origins[image]).map(level).collect()
     }
@@ -339,6 +346,16 @@ fn push_blocks<'a>(
     }
     // Without patches nothing is read there.
     [first, first, first + usize::from(atlas.is_some())]
+}
+
+/// Makes the outer texels of a level transparent.
+fn clear_border(texels: &mut [[u8; 4]], ImageSize { width, height }: ImageSize) {
+    for (at, texel) in (0u32..).zip(texels) {
+        let (x, y) = (at % width, at / width);
+        if x == 0 || y == 0 || x + 1 == width || y + 1 == height {
+            texel[3] = 0;
+        }
+    }
 }
 
 /// The texels of a level of the only image, 8 bits a channel, row by row.

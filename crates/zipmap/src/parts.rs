@@ -3,8 +3,10 @@
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::{Alpha, PixelInfo};
 use texfold_core::sample::TEXFOLD_RGBA;
-use texfold_core::{ImageLayout, ImageSize};
+use texfold_core::{DCT_LEVELS, ImageLayout, ImageSize};
 use texfold_dct::DctContent;
+
+use crate::atlas::{Packing, pack};
 
 /// Most patches of a texture.
 pub(crate) const MAX_PATCHES: usize = crate::decode::TEXFOLD_ZIPMAP_MOST as usize;
@@ -53,7 +55,7 @@ pub(crate) enum Payload {
     /// In planes that shaders read: the root's levels, and those of each patch image.
     Planes { root: Vec<ContentPlanes>, images: Vec<Vec<ContentPlanes>> },
     /// In blocks of variable length, which are decoded before they are drawn: the root, and where there are patch images,
-    /// one image that holds all of their levels ([`crate::atlas::pack`] says where).
+    /// one image that holds all of their levels (see [`crate::atlas::pack`]): its mip levels are means of the first.
     Blocks { root: DctContent, atlas: Option<Box<DctContent>> },
 }
 
@@ -93,18 +95,31 @@ impl Parts {
         }
     }
 
-    /// Texels that the sides of each level are padded to in the plane of all patch images: blocks of one level only.
-    pub(crate) fn granularity(&self) -> u32 {
-        match self.payload {
-            Payload::Planes { .. } => 4,
-            Payload::Blocks { .. } => BLOCK_SIDE,
+    /// Places of the levels of patch images in their plane; `None` where they do not fit it.
+    pub(crate) fn packing(&self) -> Option<Packing> {
+        match &self.payload {
+            Payload::Planes { .. } => pack(&self.images, 4, 1),
+            Payload::Blocks { .. } => pack(&self.images, BLOCK_SIDE, self.mips()),
+        }
+    }
+
+    /// Mip levels of the plane of all patch images.
+    pub(crate) fn mips(&self) -> u32 {
+        match &self.payload {
+            Payload::Blocks { atlas: Some(atlas), .. } => atlas.layout().levels,
+            _ => 1,
         }
     }
 }
 
+/// Mip levels of the plane that holds patch images in blocks: as many as these have, up to those that blocks give.
+pub(crate) fn atlas_mips(images: &[ImageForm]) -> u32 {
+    images.iter().map(|image| image.levels).max().unwrap_or(1).min(DCT_LEVELS)
+}
+
 /// Layout of the image that holds all levels of patch images.
-pub(crate) fn atlas_layout((width, height): (u32, u32), root: PixelInfo) -> ImageLayout {
-    ImageLayout::new(vec![ImageSize { width, height }], 1, patch_pixel(root))
+pub(crate) fn atlas_layout((width, height): (u32, u32), mips: u32, root: PixelInfo) -> ImageLayout {
+    ImageLayout::new(vec![ImageSize { width, height }], mips, patch_pixel(root))
 }
 
 /// Layout of a root of so many levels.

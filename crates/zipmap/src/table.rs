@@ -145,12 +145,15 @@ pub(crate) fn list_texels(list: &[u16], finest: f32) -> Vec<UVec4> {
     numbers.chunks(8).map(texel).collect()
 }
 
-/// A patch as the table holds it.
+/// Bits of a column in the plane of all patch images; above it stands the mip level of that plane.
+const COLUMN_BITS: u32 = 13;
+
+/// A patch as the table holds it: with the origin of each level in the plane of all patch images, of so many mip levels.
 pub(crate) fn record(
     matrix: &[f32; 9],
     (width, height): (u32, u32),
     (levels, content): (usize, usize),
-    origins: &[(u32, u32)],
+    (origins, mips): (&[(u32, u32)], u32),
 ) -> [UVec4; TEXFOLD_ZIPMAP_RECORD as usize] {
     let first = origins.first().map_or(0, |&(x, y)| x | y << 16);
     let extra = [width | height << 16, first, levels as u32 | (content as u32) << 8];
@@ -161,7 +164,7 @@ pub(crate) fn record(
         *texel = UVec4::new(x, y, z, extra[column]);
     }
     for (level, &(x, y)) in origins.iter().enumerate() {
-        texels[3 + level / 4][level % 4] = x | y << 16;
+        texels[3 + level / 4][level % 4] = x | (level as u32 % mips) << COLUMN_BITS | y << 16;
     }
     texels
 }

@@ -13,7 +13,7 @@ use texfold_dct::DctContent;
 use crate::atlas::pack;
 use crate::parts::{
     BLOCK_SIDE, ImageForm, MAX_PATCH_LEVELS, MAX_PATCHES, PATCH_PART, Parts, PatchForm, Payload, ROOT_PART,
-    atlas_layout, patch_pixel, root_layout, suits_patches,
+    atlas_layout, atlas_mips, patch_pixel, root_layout, suits_patches,
 };
 
 const FORM_ID: [u8; 4] = *b"ZMFM";
@@ -26,8 +26,10 @@ const PATCH_BLOCKS: ContentId = ContentId::SECOND;
 /// rectangle of the shared plane for each level while that is arranged.
 const IMAGE_BYTES: u64 = 2048;
 
-/// Stands for a content where texels are in blocks of variable length.
+/// Stands for a content where texels are in blocks of variable length, and each level of patch images is stored.
 const IN_BLOCKS: u8 = u8::MAX;
+/// The same where two of three levels of patch images are means of the one before them.
+const WITH_MEANS: u8 = IN_BLOCKS - 1;
 
 pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     let numbers = match &parts.payload {
@@ -35,7 +37,7 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
             let images = images.first().map_or(Content::Raw, |levels| levels[0].content());
             [root[0].content().number(), images.number()]
         }
-        Payload::Blocks { .. } => [IN_BLOCKS; 2],
+        Payload::Blocks { .. } => [if parts.mips() > 1 { WITH_MEANS } else { IN_BLOCKS }; 2],
     };
     let mut form = vec![numbers[0], numbers[1], parts.deep as u8];
     form.extend((parts.images.len() as u16).to_le_bytes());
@@ -76,10 +78,15 @@ fn store_planes<'a>(
     out.section(part, id, &planes.flat_map(|(_, bytes)| bytes).copied().collect::<Vec<u8>>());
 }
 
+/// How root and patch images are stored.
+enum Form {
+    Planes([Content; 2]),
+    Blocks { has_means: bool },
+}
+
 /// What stands before the texels.
 struct Header {
-    /// Contents of the root and of patch images; `None` where they are in blocks.
-    contents: Option<[Content; 2]>,
+    form: Form,
     layout: ImageLayout,
     deep: u32,
     images: Vec<ImageForm>,
@@ -88,9 +95,9 @@ struct Header {
 
 pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Parts, LoadError> {
     let header = read_header(file, budget)?;
-    let payload = match header.contents {
-        Some(contents) => load_planes(&header, contents, file, budget)?,
-        None => load_blocks(&header, file, budget)?,
+    let payload = match header.form {
+        Form::Planes(contents) => load_planes(&header, contents, file, budget)?,
+        Form::Blocks { has_means } => load_blocks(&header, has_means, file, budget)?,
     };
     let Header { layout, deep, images, patches, .. } = header;
     Ok(Parts { layout, deep, payload, images, patches })
@@ -98,9 +105,9 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Parts, Lo
 
 fn read_header(file: &Sections<'_>, budget: &mut Budget) -> Result<Header, LoadError> {
     let layout = read_layout(file, budget)?;
-    let form = file.read(FORM_ID, budget)?;
-    let mut reader = Reader::new(String4(FORM_ID), &form);
-    let contents = read_contents(&form, &mut reader)?;
+    let bytes = file.read(FORM_ID, budget)?;
+    let mut reader = Reader::new(String4(FORM_ID), &bytes);
+    let form = read_form(&bytes, &mut reader)?;
     let deep = u32::from(reader.u8()?);
     let [size] = layout.images[..] else { return Err(reader.corrupt("more than one image")) };
     let exact = deep < 16 && [size.width, size.height].iter().all(|side| side % (1 << deep) == 0);
@@ -113,7 +120,7 @@ fn read_header(file: &Sections<'_>, budget: &mut Budget) -> Result<Header, LoadE
         return Err(reader.corrupt("a root that cannot be stored so"));
     }
     let (images, patches) = read_patches(&mut reader, budget)?;
-    if let Some([root, of_images]) = contents {
+    if let Form::Planes([root, of_images]) = form {
         let normal = root.formats(layout.pixel).1.0 == TEXFOLD_NORMAL;
         if !root.fits(layout.pixel) || normal {
             return Err(reader.corrupt("a root that cannot be stored so"));
@@ -122,16 +129,17 @@ fn read_header(file: &Sections<'_>, budget: &mut Budget) -> Result<Header, LoadE
             return Err(reader.corrupt("content without soft alpha for patches"));
         }
     }
-    Ok(Header { contents, layout, deep, images, patches })
+    Ok(Header { form, layout, deep, images, patches })
 }
 
-/// Contents of the root and of patch images; `None` where they are in blocks.
-fn read_contents(form: &[u8], reader: &mut Reader<'_>) -> Result<Option<[Content; 2]>, LoadError> {
-    if form.starts_with(&[IN_BLOCKS; 2]) {
-        reader.bytes(2)?;
-        return Ok(None);
+fn read_form(bytes: &[u8], reader: &mut Reader<'_>) -> Result<Form, LoadError> {
+    for (number, has_means) in [(IN_BLOCKS, false), (WITH_MEANS, true)] {
+        if bytes.starts_with(&[number; 2]) {
+            reader.bytes(2)?;
+            return Ok(Form::Blocks { has_means });
+        }
     }
-    Ok(Some([Content::read(reader)?, Content::read(reader)?]))
+    Ok(Form::Planes([Content::read(reader)?, Content::read(reader)?]))
 }
 
 fn load_planes(
@@ -158,17 +166,24 @@ fn load_planes(
     Ok(Payload::Planes { root, images })
 }
 
-fn load_blocks(header: &Header, file: &Sections<'_>, budget: &mut Budget) -> Result<Payload, LoadError> {
+fn load_blocks(
+    header: &Header,
+    has_means: bool,
+    file: &Sections<'_>,
+    budget: &mut Budget,
+) -> Result<Payload, LoadError> {
     let Header { layout, deep, images, .. } = header;
     let size = layout.images[0].at_level(*deep);
     let root =
         load_content(&root_layout(size, layout.levels - deep, layout.pixel), ROOT_BLOCKS, file, budget)?;
     let mut atlas = None;
     if !images.is_empty() {
-        let (_, size) = pack(images, BLOCK_SIDE).ok_or(too_large())?;
-        atlas = Some(load_content(&atlas_layout(size, layout.pixel), PATCH_BLOCKS, file, budget)?);
+        let mips = if has_means { atlas_mips(images) } else { 1 };
+        let (_, size) = pack(images, BLOCK_SIDE, mips).ok_or(too_large())?;
+        let layout = atlas_layout(size, mips, layout.pixel);
+        atlas = Some(load_content(&layout, PATCH_BLOCKS, file, budget)?);
         // The levels of patch images, which the CPU cuts from it.
-        budget.take(4 * u64::from(size.0) * u64::from(size.1))?;
+        budget.take(4 * layout.texels())?;
     }
     Ok(Payload::Blocks { root, atlas: atlas.map(Box::new) })
 }

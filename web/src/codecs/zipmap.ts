@@ -12,8 +12,14 @@ const MAX_PATCHES = 2048;
 const MAX_PATCH_LEVELS = 12;
 /** Texels that the places of patches in blocks are multiples of. */
 const BLOCK_SIDE = 8;
-/** Stands for a content where texels are in blocks of variable length. */
+/** Stands for a content where texels are in blocks of variable length, and each level of patch images is stored. */
 const IN_BLOCKS = 255;
+/** The same where two of three levels of patch images are means of the one before them. */
+const WITH_MEANS = IN_BLOCKS - 1;
+/** Most mip levels that blocks give. */
+const BLOCK_LEVELS = 3;
+/** Bits of a column in the plane of all patch images; above it stands the mip level of that plane. */
+const COLUMN_BITS = 13;
 /** Words of a texel of the table. */
 const TEXEL = 4;
 /** Words of the table that describe a patch. */
@@ -55,14 +61,17 @@ interface Patch {
 interface Header {
   /** Contents of the root and of patch images; null where they are in blocks. */
   contents: [Content, Content] | null;
+  /** Mip levels of the plane of all patch images. */
+  mips: number;
   root: PatchImage;
   images: PatchImage[];
   patches: Patch[];
 }
 
-/** Where the levels of patch images lie in one plane. */
+/** Where the levels of patch images lie in a plane of `mips` mip levels. */
 interface Packing extends Size {
-  /** Column and row of each level of each image. */
+  mips: number;
+  /** Column and row of each level of each image, in mip level `level % mips`. */
   origins: [number, number][][];
 }
 
@@ -253,11 +262,14 @@ function directory(outlines: Outline[], tiles: number): number[] {
   return words;
 }
 
-/** Lays the levels of patch images into one plane: rows of rectangles of falling height, sides padded to multiples of `step`. */
-function pack(images: PatchImage[], step: number): Packing {
+/**
+ * Lays the levels of patch images into a plane of `mips` mip levels: rows of rectangles of falling height, sides padded to multiples of
+ * `step`.
+ */
+function pack(images: PatchImage[], step: number, mips: number): Packing {
   const all = images.flatMap((image, index) =>
-    Array.from({ length: image.levels }, (_, level) => {
-      const { width, height } = atLevel(image, level);
+    Array.from({ length: Math.ceil(image.levels / mips) }, (_, stored) => {
+      const { width, height } = atLevel(image, stored * mips);
       return { index, width: roundUp(width, step), height: roundUp(height, step) };
     }),
   );
@@ -280,14 +292,17 @@ function pack(images: PatchImage[], step: number): Packing {
         x = row = 0;
       }
       // Levels of an image come in their order: none is higher than the one before.
-      origins[index]!.push([x, y]);
+      const places = origins[index]!, count = Math.min(mips, images[index]!.levels - places.length);
+      for (let mip = 0; mip < count; mip++) {
+        places.push([x >> mip, y >> mip]);
+      }
       x += width;
       row = Math.max(row, height);
       used = Math.max(used, x);
     }
     const height = Math.max(y + row, step);
     if (height <= MAX_PLANE_SIDE && (!best || used * height < best.width * best.height)) {
-      best = { origins, width: used, height };
+      best = { origins, mips, width: used, height };
     }
   }
   if (!best) {
@@ -325,7 +340,7 @@ function readPatches(head: Reader): { images: PatchImage[]; patches: Patch[] } {
 
 function readHeader(file: Sections, layout: Layout): Header {
   const head = file.read("ZMFM");
-  const isBlocks = head.data[0] === IN_BLOCKS && head.data[1] === IN_BLOCKS;
+  const first = head.data[0], isBlocks = first === head.data[1] && (first === IN_BLOCKS || first === WITH_MEANS);
   head.at += isBlocks ? 2 : 0;
   const contents: Header["contents"] = isBlocks ? null : [readContent(head), readContent(head)];
   const deep = head.u8(), size = layout.images[0]!;
@@ -343,7 +358,8 @@ function readHeader(file: Sections, layout: Layout): Header {
     const allowed: Content[] = pixel.channels === 4 ? ["raw", "bc3", "bc7"] : ["raw", "bc5"];
     head.check(images.length === 0 || allowed.includes(ofImages), "content without soft alpha for patches");
   }
-  return { contents, root, images, patches };
+  const mips = first === WITH_MEANS ? images.reduce((most, { levels }) => Math.max(most, Math.min(levels, BLOCK_LEVELS)), 1) : 1;
+  return { contents, mips, root, images, patches };
 }
 
 /** The levels of an image of planes, not copied. */
@@ -385,25 +401,25 @@ function addPlanes(file: Sections, header: Header, contents: Content[], layout: 
     images = header.images.map((image) => readLevels(ofImages, PATCHES, patches!.formats, image).flat());
     ofImages.end();
   }
-  const packing = pack(header.images, 4), hasPatches = images.length > 0;
+  const packing = pack(header.images, 4, 1), hasPatches = images.length > 0;
   form.planes.push(patchPlane(images, hasPatches ? patches!.formats[0]! : "rgba8unorm", packing, budget));
   return [packing, [root!.swizzle, hasPatches ? patches!.swizzle : 0]];
 }
 
 /** Adds the blocks of root and patches; where the patches lie. */
-function addBlocks(file: Sections, { root, images }: Header, layout: Layout, budget: Budget, form: Form): Packing {
+function addBlocks(file: Sections, { root, images, mips }: Header, layout: Layout, budget: Budget, form: Form): Packing {
   form.blocks.push(...readWholeBlocks(file, 0, { ...layout, images: [root], levels: root.levels }, budget));
-  const packing = pack(images, BLOCK_SIDE);
+  const packing = pack(images, BLOCK_SIDE, mips);
   if (images.length > 0) {
-    const [blocks] = readWholeBlocks(file, 1, patchLayout(layout, packing), budget);
+    const [blocks] = readWholeBlocks(file, 1, { ...patchLayout(layout, packing), levels: mips }, budget);
     form.blocks.push({ ...blocks!, image: 1 });
   }
   return packing;
 }
 
 /** The words of a patch: columns of its matrix that lead to texels, sizes, places of all levels. */
-function record({ content, rows }: Patch, { width, height, levels }: PatchImage, origins: [number, number][]): number[] {
-  const places = origins.map(([x, y]) => x | (y << 16));
+function record({ content, rows }: Patch, { width, height, levels }: PatchImage, { origins, mips }: Packing): number[] {
+  const places = origins[content]!.map(([x, y], level) => x | ((level % mips) << COLUMN_BITS) | (y << 16));
   const extra = [width | (height << 16), places[0]!, levels | (content << 8)];
   const words = extra.flatMap((word, column) => {
     const [x, y, z] = [rows[column]! * width, rows[column + 3]! * height, rows[column + 6]!];
@@ -436,7 +452,7 @@ export const zipmap: Codec = images((file, layout, budget) => {
   fill(words, RECORD);
   const recordStart = words.length / TEXEL;
   for (const patch of patches) {
-    words.push(...record(patch, images[patch.content]!, packing.origins[patch.content]!));
+    words.push(...record(patch, images[patch.content]!, packing));
   }
   table.width = Math.min(words.length / TEXEL, 1 << ROW_LOG2);
   fill(words, TEXEL * table.width);

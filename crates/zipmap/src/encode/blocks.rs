@@ -1,5 +1,5 @@
-//! Root and patch images in blocks of variable length: one step for all of them, which the goal decides. Every level is stored, as
-//! fine detail that a step does not reach costs next to nothing.
+//! Root and patch images in blocks of variable length: one step for all of them, which the goal decides. No fine level is left out,
+//! as detail that a step does not reach costs next to nothing. Two of three levels are means of the one before, which blocks give.
 
 use std::cell::RefCell;
 
@@ -16,7 +16,9 @@ use super::fault;
 use super::fit::{Fitted, Maker, fit};
 use super::trim;
 use crate::atlas::{Packing, pack};
-use crate::parts::{BLOCK_SIDE, ImageForm, Parts, Payload, atlas_layout, patch_pixel, root_layout};
+use crate::parts::{
+    BLOCK_SIDE, ImageForm, Parts, Payload, atlas_layout, atlas_mips, patch_pixel, root_layout,
+};
 use crate::{ZipError, ZipTexture};
 
 /// The texture in the form that the parameters name, or in planes where these answer the goal better.
@@ -100,7 +102,8 @@ impl Sources {
             ImageForm { size: ImageSize { width, height }, levels: levels.len() as u32 }
         };
         let images: Vec<ImageForm> = canvas.levels.iter().enumerate().map(of_image).collect();
-        let packing = pack(&images, BLOCK_SIDE).ok_or(fault(ZipError::Full))?;
+        let mips = atlas_mips(&images);
+        let packing = pack(&images, BLOCK_SIDE, mips).ok_or(fault(ZipError::Full))?;
         let (width, height) = canvas.root_size;
         let size = ImageSize { width, height };
         let layout = root_layout(size, canvas.root.len() as u32, maker.pixel);
@@ -111,9 +114,9 @@ impl Sources {
         let atlas = if images.is_empty() {
             None
         } else {
-            let layout = atlas_layout(packing.1, maker.pixel);
+            let layout = atlas_layout(packing.1, mips, maker.pixel);
             let channels = patch_pixel(maker.pixel).channels;
-            Some((layout, vec![atlas_source(maker, &images, &packing, channels)?]))
+            Some((layout, vec![atlas_source(maker, (&images, mips), &packing, channels)?]))
         };
         Ok(Sources { root: (layout, root), atlas, images })
     }
@@ -192,10 +195,11 @@ fn source(size: ImageSize, channels: u8, texels: &[[u8; 4]]) -> Result<DctSource
     DctSource::from_u8(size, groups, &samples)
 }
 
-/// All levels of all patch images in one image, transparent between them. Colours are free where filtering reads no visible texel.
+/// Patch images in one image, transparent between them: the levels that are stored. Colours are free where filtering reads no visible
+/// texel of these or of the levels made of them.
 fn atlas_source(
     maker: &Maker<'_>,
-    images: &[ImageForm],
+    (images, mips): (&[ImageForm], u32),
     (origins, (width, height)): &Packing,
     channels: u8,
 ) -> Result<DctSource, SourceError> {
@@ -207,22 +211,28 @@ fn atlas_source(
     let mut is_read = vec![false; width * height];
     for (content, ((levels, image), origins)) in canvas.levels.iter().zip(images).zip(origins).enumerate() {
         let index = canvas.laid.iter().position(|laid| laid.content == content).filter(|_| hides);
-        for (level, (from, &(left, top))) in (0..).zip(levels.iter().zip(origins)) {
-            let size = image.size.at_level(level);
+        for (level, (from, &origin)) in (0..).zip(levels.iter().zip(origins)) {
+            let (size, mip) = (image.size.at_level(level), level % mips);
             let across = size.width as usize;
+            let (left, top) = ((origin.0 << mip) as usize, (origin.1 << mip) as usize);
+            if mip == 0 {
+                for (row, line) in from.chunks_exact(across).enumerate() {
+                    let start = (top + row) * width + left;
+                    texels[start..start + across].copy_from_slice(line);
+                }
+            }
             let is_seen = match index {
                 Some(index) => trim::seen_texels(canvas, index, level, maker.cancel),
                 None => from.iter().map(|texel| texel[3] > 0).collect(),
             };
-            for (row, line) in from.chunks_exact(across).enumerate() {
-                let start = (top as usize + row) * width + left as usize;
-                texels[start..start + across].copy_from_slice(line);
-                for x in (0..across).filter(|&x| is_seen[row * across + x]) {
-                    // Bilinear filtering reads a visible texel together with those around it.
-                    for y in row.saturating_sub(1)..=(row + 1).min(size.height as usize - 1) {
-                        let start = (top as usize + y) * width + left as usize;
-                        is_read[start + x.saturating_sub(1)..=start + (x + 1).min(across - 1)].fill(true);
-                    }
+            for at in (0..from.len()).filter(|&at| is_seen[at]) {
+                // Bilinear filtering reads a visible texel together with those around it, each a mean of those of a stored level.
+                let around =
+                    |at: usize, count: usize| at.saturating_sub(1) << mip..(at + 2).min(count) << mip;
+                let columns = around(at % across, across);
+                for y in around(at / across, size.height as usize) {
+                    let start = (top + y) * width + left;
+                    is_read[start + columns.start..start + columns.end].fill(true);
                 }
             }
         }

@@ -81,7 +81,7 @@ impl Canvas {
         table.resize(table.len().next_multiple_of(TEXFOLD_ZIPMAP_RECORD as usize), UVec4::ZERO);
         for laid in &self.laid {
             let numbers = (self.levels[laid.content].len(), laid.content);
-            table.extend(record(&laid.rows(), laid.size, numbers, &[]));
+            table.extend(record(&laid.rows(), laid.size, numbers, (&[], 1)));
         }
         table
     }

@@ -3,7 +3,7 @@
 //!
 //! Source: Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 2004, sections 3 to 5. Deviations:
 //! of the finest octaves only the strongest features are kept, so that coarse ones, which a wide photograph shows of a
-//! close one, are never crowded out. Cost: some 80 operations a pixel for each of six blurs an octave.
+//! close one, are never crowded out; photographs with few features are looked through for fainter ones. Cost: some 80 operations a pixel for each of six blurs an octave.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -18,8 +18,10 @@ const SCALES: usize = 3;
 const FIRST_SIGMA: f32 = 1.6;
 /// Blur that a photograph is taken to have, in pixels.
 const CAMERA_SIGMA: f32 = 0.5;
-/// Least contrast of an extremum, of a range of 1.
-const CONTRAST: f32 = 0.03 / SCALES as f32;
+/// Least contrasts of an extremum, of a range of 1: Lowe's, and lower ones for photographs with few features, such as faded ones.
+const CONTRASTS: [f32; 4] = [0.03, 0.015, 0.0075, 0.00375];
+/// Features from which on a photograph has enough.
+const ENOUGH: usize = 500;
 /// Largest ratio of curvatures: what lies on a straight edge has no place along it.
 const EDGE_RATIO: f32 = 10.0;
 /// Most steps to a neighbouring sample while the place of an extremum is found.
@@ -64,6 +66,18 @@ struct Extremum {
 /// All features, coarse ones last, in an order that does not depend on the number of threads. Of no use once the job is
 /// cancelled.
 pub(crate) fn features(photo: &Gray, cancel: CancelCheck<'_>) -> Vec<Feature> {
+    let mut found = Vec::new();
+    for contrast in CONTRASTS {
+        found = of_contrast(photo, contrast / SCALES as f32, cancel);
+        if found.len() >= ENOUGH {
+            break;
+        }
+    }
+    found
+}
+
+/// All features from that contrast on.
+fn of_contrast(photo: &Gray, contrast: f32, cancel: CancelCheck<'_>) -> Vec<Feature> {
     let mut start = photo.clone();
     let mut pixel = 1.0f32;
     let mut sigma = CAMERA_SIGMA;
@@ -85,7 +99,7 @@ pub(crate) fn features(photo: &Gray, cancel: CancelCheck<'_>) -> Vec<Feature> {
         }
         let blurs = blurs(base, cancel);
         let most = MOST_FEATURES[octave.min(MOST_FEATURES.len() - 1)];
-        found.extend(of_octave(&blurs, most, Scale { pixel, centre }, cancel));
+        found.extend(of_octave(&blurs, (most, contrast), Scale { pixel, centre }, cancel));
         base = blurs[SCALES].thinned();
         pixel *= 2.0;
     }
@@ -113,7 +127,12 @@ struct Scale {
     centre: f32,
 }
 
-fn of_octave(blurs: &[Gray], most: usize, scale: Scale, cancel: CancelCheck<'_>) -> Vec<Feature> {
+fn of_octave(
+    blurs: &[Gray],
+    (most, contrast): (usize, f32),
+    scale: Scale,
+    cancel: CancelCheck<'_>,
+) -> Vec<Feature> {
     let Scale { pixel, centre } = scale;
     let differences: Vec<Gray> = blurs
         .windows(2)
@@ -132,8 +151,8 @@ fn of_octave(blurs: &[Gray], most: usize, scale: Scale, cancel: CancelCheck<'_>)
             }
             let layers = (1..=SCALES).flat_map(|layer| (BORDER..width - BORDER).map(move |x| (layer, x)));
             layers
-                .filter(|&(layer, x)| is_extremum(&differences, layer, x, y))
-                .filter_map(|(layer, x)| localise(&differences, layer, x, y))
+                .filter(|&(layer, x)| is_extremum(&differences, contrast, layer, x, y))
+                .filter_map(|(layer, x)| localise(&differences, contrast, layer, x, y))
                 .collect()
         })
         .collect();
@@ -162,11 +181,11 @@ fn of_octave(blurs: &[Gray], most: usize, scale: Scale, cancel: CancelCheck<'_>)
 }
 
 /// Whether a pixel is above or below all of its 26 neighbours.
-fn is_extremum(differences: &[Gray], layer: usize, x: usize, y: usize) -> bool {
+fn is_extremum(differences: &[Gray], contrast: f32, layer: usize, x: usize, y: usize) -> bool {
     let width = differences[0].width;
     let at = y * width + x;
     let value = differences[layer].data[at];
-    if value.abs() < 0.5 * CONTRAST {
+    if value.abs() < 0.5 * contrast {
         return false;
     }
     let sign = value.signum();
@@ -185,7 +204,7 @@ fn is_extremum(differences: &[Gray], layer: usize, x: usize, y: usize) -> bool {
 
 /// The extremum of the parabola through the samples around; `None` where it has none nearby, too little contrast, or
 /// lies on an edge.
-fn localise(differences: &[Gray], layer: usize, x: usize, y: usize) -> Option<Extremum> {
+fn localise(differences: &[Gray], contrast: f32, layer: usize, x: usize, y: usize) -> Option<Extremum> {
     let (mut layer, mut x, mut y) = (layer, x, y);
     for _ in 0..MOVES {
         let value = |dl: isize, dx: isize, dy: isize| {
@@ -214,7 +233,7 @@ fn localise(differences: &[Gray], layer: usize, x: usize, y: usize) -> Option<Ex
             let response = (centre + 0.5 * slope.dot(offset)).abs();
             let (trace, determinant) = (xx + yy, xx * yy - xy * xy);
             let limit = (EDGE_RATIO + 1.0).powi(2) / EDGE_RATIO;
-            let fits = response >= CONTRAST && determinant > 0.0 && trace * trace < limit * determinant;
+            let fits = response >= contrast && determinant > 0.0 && trace * trace < limit * determinant;
             let sigma = FIRST_SIGMA * 2f32.powf((layer as f32 + offset.z) / SCALES as f32);
             let at = Vec2::new(x as f32 + offset.x, y as f32 + offset.y);
             return fits.then_some(Extremum { at, layer, sigma, response });

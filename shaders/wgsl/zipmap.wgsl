@@ -161,6 +161,7 @@ fn texfold_zipmap_near(index: u32, uv: vec2<f32>) -> vec4<f32> {
 fn texfold_zipmap_level(layer: TexfoldZipmapPatch, share: vec2<f32>, level: u32) -> vec4<f32> {
     let size = vec2<i32>(texfold_level_size(vec2<u32>(layer.size), level));
     let origin = texfold_zipmap_entry(layer.start + 3u + level / 4u)[level % 4u];
+    // Above the 13 bits of the column stands the mip level of the plane.
     let place = texfold_zipmap_pair(origin & 0xffff1fffu);
     return texfold_zipmap_blend(place, (origin >> 13u) & 7u, size, share * vec2<f32>(size));
 }

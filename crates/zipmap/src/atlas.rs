@@ -1,4 +1,4 @@
-//! Where the levels of patch images lie in one plane.
+//! Places of the levels of patch images in one plane.
 //!
 //! Blocks of variable length give further mip levels of each image (*means*): then only the levels that they are made of are packed,
 //! and the others lie in the plane's own mip levels, at their share of these places.

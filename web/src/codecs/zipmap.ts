@@ -68,7 +68,7 @@ interface Header {
   patches: Patch[];
 }
 
-/** Where the levels of patch images lie in a plane of `mips` mip levels. */
+/** Places of the levels of patch images in a plane of `mips` mip levels. */
 interface Packing extends Size {
   mips: number;
   /** Column and row of each level of each image, in mip level `level % mips`. */

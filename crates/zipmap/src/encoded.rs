@@ -499,6 +499,28 @@ mod tests {
     }
 
     #[test]
+    fn levels_of_means_have_a_clear_border_and_are_visible_inside() {
+        let [root, image] = ["terrain", "facade"].map(texfold_testkit::image);
+        let matrix = DMat3::from_scale(DVec2::splat(4.0));
+        let patches = vec![PatchSource { image: 0, matrix, mask: None, parent: None }];
+        let stack = PatchStack { root, images: vec![image], patches };
+        let params = ZipParams::default().with_effort(Effort::Fast).with_tau(0.05).with_drop_rms(0.0);
+        let texture = Zipmap::encode(&stack, &params, &mut Job::default()).unwrap();
+        assert_eq!((texture.access(), texture.parts.mips()), (Access::Block, 3));
+        let ImageForm { size, levels } = texture.parts.images[0];
+        for level in (0..levels).filter(|level| level % 3 > 0) {
+            let ImageSize { width, height } = size.at_level(level);
+            let texels = &texture.view().patches[0][level as usize];
+            for (at, texel) in (0u32..).zip(texels) {
+                let (x, y) = (at % width, at / width);
+                let border = x == 0 || y == 0 || x + 1 == width || y + 1 == height;
+                assert!(!border || texel[3] == 0, "level {level}, {x} {y}");
+            }
+            assert!(texels.iter().any(|texel| texel[3] > 128), "level {level}");
+        }
+    }
+
+    #[test]
     fn bands_of_rows_decode_as_the_whole_does() {
         let pixel = texfold_testkit::image("odd_37x61").info();
         let texels: Vec<Texel> = texfold_testkit::image("odd_37x61").texels().collect();

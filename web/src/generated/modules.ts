@@ -25,7 +25,7 @@ export const modules: Record<string, Module> = {
   "bc": {
     bindings: [32, "float", "float"],
     levels: 16, addressMode: 20,
-    switches: [["Tgu", 28]],
+    switches: [["Tfe", 28]],
     files: [[() => import("./source0.js"), 0]],
   },
   "vq": {
@@ -43,7 +43,7 @@ export const modules: Record<string, Module> = {
   "epitome-errors": {
     bindings: [112, "uint", "float", "float", "float", 208, "uint", "float", "float"],
     levels: 8, addressMode: 12,
-    switches: [["Teu", 128, 4], ["Tcw", 148]],
+    switches: [["Tde", 128, 4], ["Tbe", 148]],
     files: [[() => import("./source2.js"), 0], [() => import("./source4.js"), 0], [() => import("./source5.js"), 5]],
   },
   "lightfield": {
@@ -55,13 +55,13 @@ export const modules: Record<string, Module> = {
   "progressive": {
     bindings: [48, "uint", "float", "float", 208, "uint", "float", "float"],
     levels: 8, addressMode: 12,
-    switches: [["Tci", 16], ["Tcf", 20], ["Tch", 88], ["Teu", 64, 4], ["Tcw", 84]],
+    switches: [["Tb1", 16], ["Tay", 20], ["Tb0", 88], ["Tde", 64, 4], ["Tbe", 84]],
     files: [[() => import("./source7.js"), 0], [() => import("./source5.js"), 4]],
   },
   "zipmap": {
     bindings: [64, "uint", "float", "float", "float"],
     levels: 8, addressMode: 12,
-    switches: [["Tfu", 28, 4]],
+    switches: [["Ted", 28, 4]],
     files: [[() => import("./source8.js"), 0]],
   },
 };

@@ -65,7 +65,8 @@ const KEPT: [&str; 36] = [
 pub(crate) fn short_names<'t>(texts: impl Iterator<Item = &'t str> + Clone) -> HashMap<&'t str, String> {
     let declared: HashSet<&str> = texts.clone().flat_map(declared).collect();
     let mut counts: HashMap<&str, usize> = HashMap::new();
-    for word in texts.flat_map(words).filter(|word| is_own(word) || declared.contains(word)) {
+    let used = texts.flat_map(lines_of_code).flat_map(words);
+    for word in used.filter(|word| is_own(word) || declared.contains(word)) {
         *counts.entry(word).or_default() += 1;
     }
     let mut names: Vec<(&str, usize)> = counts.into_iter().collect();
@@ -78,8 +79,7 @@ pub(crate) fn short_names<'t>(texts: impl Iterator<Item = &'t str> + Clone) -> H
 /// vectors.
 fn declared(text: &str) -> Vec<&str> {
     let mut found = Vec::new();
-    for line in text.lines() {
-        let code = line.split("//").next().unwrap_or_default();
+    for code in lines_of_code(text) {
         let words: Vec<&str> = words(code).filter(|word| !word.trim().is_empty()).collect();
         for (number, word) in words.iter().enumerate() {
             let before = number.checked_sub(1).map(|before| words[before]);
@@ -124,8 +124,7 @@ fn base36(number: usize) -> String {
 pub(crate) fn short(text: &str, names: &HashMap<&str, String>) -> String {
     let mut out = String::new();
     let mut is_apart = false;
-    for line in text.lines() {
-        let code = line.split("//").next().unwrap_or_default();
+    for code in lines_of_code(text) {
         for word in words(code) {
             if word.trim().is_empty() {
                 is_apart = true;
@@ -147,6 +146,11 @@ pub(crate) fn short(text: &str, names: &HashMap<&str, String>) -> String {
     }
     out.push('\n');
     out.replace(",)", ")").replace(",}", "}")
+}
+
+/// The lines of a text without comments.
+fn lines_of_code(text: &str) -> impl Iterator<Item = &str> {
+    text.lines().map(|line| line.split("//").next().unwrap_or_default())
 }
 
 fn is_name(c: char) -> bool {
@@ -178,5 +182,7 @@ mod tests {
         assert_eq!(names.len(), 2);
         let expected = "fn texfold_bc_sample(uv:vec2<f32>)->u32{let T0=2u;return T1(a- -b,T0);}\n";
         assert_eq!(short(text, &names), expected);
+        let commented = format!("// texfold_x, texfold_x, texfold_y\n{text}");
+        assert_eq!(short_names([commented.as_str()].into_iter()), names);
     }
 }

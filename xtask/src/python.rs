@@ -1,5 +1,6 @@
 //! `python`: the package for Python, built and tested in a virtual environment.
 
+use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
 use std::io;
 use std::process::{Command, ExitCode};
 
@@ -7,7 +8,7 @@ use crate::root;
 
 /// Runs the command.
 pub(crate) fn run() -> ExitCode {
-    match check() {
+    match check(true) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
@@ -17,8 +18,12 @@ pub(crate) fn run() -> ExitCode {
     }
 }
 
-/// Builds the wheel as tests of Rust are built, installs it and runs its tests; whether they passed.
-pub(crate) fn check() -> io::Result<bool> {
+/// Runs the package's tests; whether they passed. `wheel`: in the wheel that maturin builds; otherwise around the library that a build of
+/// the whole workspace has left, which no package is compiled again for.
+///
+/// # Errors
+/// Where python3 cannot be started.
+pub(crate) fn check(wheel: bool) -> io::Result<bool> {
     let place = root().join("target/python");
     let bin = place.join("bin");
     let runs = |program: &mut Command| Ok::<bool, io::Error>(program.current_dir(root()).status()?.success());
@@ -35,9 +40,23 @@ pub(crate) fn check() -> io::Result<bool> {
         "dask",
         "distributed",
         "xarray",
-        "./crates/python[zarr,gpu]",
     ]);
     let mut test = Command::new(bin.join("python"));
     test.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "crates/python/tests"]);
-    Ok(runs(install.env("MATURIN_PEP517_ARGS", "--profile dev"))? && runs(&mut test)?)
+    if wheel {
+        install.arg("./crates/python[zarr,gpu]").env("MATURIN_PEP517_ARGS", "--profile dev");
+    } else {
+        let folder = place.join("assembled");
+        let mut assemble = Command::new(bin.join("python"));
+        assemble.arg("crates/python/tests/assemble.py");
+        assemble.arg(format!("target/debug/{DLL_PREFIX}_texfold{DLL_SUFFIX}")).arg(&folder);
+        let needed = assemble.current_dir(root()).output()?;
+        if !needed.status.success() {
+            eprintln!("error: {}", String::from_utf8_lossy(&needed.stderr));
+            return Ok(false);
+        }
+        install.args(String::from_utf8_lossy(&needed.stdout).lines());
+        test.env("PYTHONPATH", folder);
+    }
+    Ok(runs(&mut install)? && runs(&mut test)?)
 }

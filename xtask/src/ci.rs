@@ -33,7 +33,7 @@ const STEPS: [Step; 13] = [
     ("test", 11_000.0, |full| test(&["--workspace".to_owned()], full)),
     ("clippy", 2600.0, |_| succeeds(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])),
     ("web", 2600.0, |_| web()),
-    ("python", 700.0, python::check),
+    ("python", 2100.0, python::check),
     ("decode only", 650.0, |_| decode_only()),
     ("doc", 500.0, doc),
     ("torment", 10.0, |full| if full { torment::short() } else { Ok(true) }),

@@ -133,7 +133,12 @@ impl<'a> Contest<'a> {
     /// Tries a codec where it may win.
     fn try_out(&mut self, other: &Encoding, job: &mut Job<'_>) -> Result<(), EncodeError> {
         let name = other.id.name;
-        if let Some(why) = (other.why_not)(self.images, self.settings, &self.of_best.squares, job)? {
+        let why = match (other.why_not)(self.images, self.settings, &self.of_best.squares, job) {
+            Err(EncodeError::Cancelled) => return Err(EncodeError::Cancelled),
+            Err(error) => Some(error.to_string()),
+            Ok(why) => why,
+        };
+        if let Some(why) = why {
             self.note(name, format!("was not tried: {why}"));
             return Ok(());
         }

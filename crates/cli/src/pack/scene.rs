@@ -18,8 +18,16 @@ use crate::{files, memory};
 pub(super) struct Scene {
     path: PathBuf,
     pub(super) json: Value,
-    /// The bytes of each buffer view.
-    views: Vec<Vec<u8>>,
+    views: Vec<View>,
+}
+
+/// The bytes of a buffer view.
+#[derive(Debug)]
+struct View {
+    /// `None` where they are there in compressed form alone.
+    plain: Option<Vec<u8>>,
+    /// The bytes that meshopt's extension names, as they are, and the extension's name.
+    compressed: Option<(String, Vec<u8>)>,
 }
 
 impl Scene {
@@ -44,25 +52,34 @@ impl Scene {
         let buffers = scene.list("buffers").iter().enumerate();
         let buffers = buffers.map(|(index, buffer)| scene.buffer(index, buffer, blob.as_deref()));
         let buffers = buffers.collect::<Result<Vec<_>, CliError>>()?;
-        let view = |view: &Value| -> Result<Vec<u8>, CliError> {
-            if view["extensions"]
-                .as_object()
-                .is_some_and(|all| all.keys().any(|name| name.contains("meshopt")))
-            {
-                return Err(scene.fault("has buffers compressed by meshopt, which are not read"));
-            }
-            let number = |name: &str| view[name].as_u64().and_then(|number| usize::try_from(number).ok());
+        // Part of a buffer; `None` of one that has no bytes.
+        let part = |place: &Value| -> Result<Option<Vec<u8>>, CliError> {
+            let number = |name: &str| place[name].as_u64().and_then(|number| usize::try_from(number).ok());
             let start = number("byteOffset").unwrap_or(0);
             let end = number("byteLength").and_then(|length| start.checked_add(length));
             let buffer = number("buffer").and_then(|buffer| buffers.get(buffer));
-            let bytes = buffer.zip(end).and_then(|(buffer, end)| buffer.get(start..end));
-            bytes.map(<[u8]>::to_vec).ok_or_else(|| scene.fault("has a part of a buffer that is not there"))
+            let Some(Some(buffer)) = buffer else {
+                return buffer.map(|_| None).ok_or_else(|| scene.fault("names a buffer that it lacks"));
+            };
+            let bytes = end.and_then(|end| buffer.get(start..end)).map(<[u8]>::to_vec);
+            bytes.map(Some).ok_or_else(|| scene.fault("has a part of a buffer that is not there"))
+        };
+        let view = |view: &Value| -> Result<View, CliError> {
+            let extension = meshopt(view).map(|(name, extension)| {
+                part(extension)?.map(|bytes| (name.to_owned(), bytes)).ok_or_else(|| scene.fault(LACKS))
+            });
+            let (plain, compressed) = (part(view)?, extension.transpose()?);
+            if plain.is_none() && compressed.is_none() {
+                return Err(scene.fault(LACKS));
+            }
+            Ok(View { plain, compressed })
         };
         // Parts may overlap: many of a large buffer would fill memory.
-        let lengths = scene.list("bufferViews").iter().filter_map(|view| view["byteLength"].as_u64());
-        let needed = lengths.fold(0, u64::saturating_add);
+        let views = scene.list("bufferViews");
+        let lengths = views.iter().chain(views.iter().filter_map(|view| meshopt(view).map(|(_, part)| part)));
+        let needed = lengths.filter_map(|part| part["byteLength"].as_u64()).fold(0, u64::saturating_add);
         memory::check(path, needed.saturating_mul(2), limit_bytes.max(memory::ALWAYS_ALLOWED))?;
-        let views = scene.list("bufferViews").iter().map(view).collect::<Result<Vec<_>, CliError>>()?;
+        let views = views.iter().map(view).collect::<Result<Vec<_>, CliError>>()?;
         Ok(Scene { views, ..scene })
     }
 
@@ -76,16 +93,20 @@ impl Scene {
         self.json[name].as_array().map_or(&[], Vec::as_slice)
     }
 
+    /// The bytes of a buffer; `None` of one whose views are there in compressed form alone.
     fn buffer<'b>(
         &self,
         index: usize,
         buffer: &Value,
         blob: Option<&'b [u8]>,
-    ) -> Result<Cow<'b, [u8]>, CliError> {
+    ) -> Result<Option<Cow<'b, [u8]>>, CliError> {
         match (buffer["uri"].as_str(), blob) {
-            (Some(uri), _) => self.named(uri).map(Cow::Owned),
-            (None, Some(blob)) if index == 0 => Ok(Cow::Borrowed(blob)),
-            _ => Err(self.fault("lacks a buffer")),
+            (Some(uri), _) => self.named(uri).map(Cow::Owned).map(Some),
+            (None, _) if meshopt(buffer).is_some_and(|(_, extension)| extension["fallback"] == true) => {
+                Ok(None)
+            }
+            (None, Some(blob)) if index == 0 => Ok(Some(Cow::Borrowed(blob))),
+            _ => Err(self.fault(LACKS)),
         }
     }
 
@@ -113,12 +134,12 @@ impl Scene {
             return self.named(uri);
         }
         let view = image["bufferView"].as_u64().and_then(|view| self.views.get(view as usize));
-        view.cloned().ok_or_else(|| self.fault("has an image without bytes"))
+        view.and_then(|view| view.plain.clone()).ok_or_else(|| self.fault("has an image without bytes"))
     }
 
     /// Puts the bytes of a file in the place of an image's, or adds an image where there is none of that number; gives its number.
     pub(super) fn put_image(&mut self, index: Option<usize>, mime_type: &str, bytes: Vec<u8>) -> usize {
-        self.views.push(bytes);
+        self.views.push(View { plain: Some(bytes), compressed: None });
         let view = self.views.len() - 1;
         let views = array_of(&mut self.json, "bufferViews");
         views.push(json!({ "buffer": 0 }));
@@ -202,14 +223,40 @@ impl Scene {
         keep(&mut self.views, &kept);
         keep(array_of(&mut self.json, "bufferViews"), &kept);
         let mut blob: Vec<u8> = Vec::new();
-        for (view, bytes) in array_of(&mut self.json, "bufferViews").iter_mut().zip(&self.views) {
+        let mut place = |bytes: &[u8]| {
             blob.resize(blob.len().next_multiple_of(4), 0);
-            (view["buffer"], view["byteOffset"], view["byteLength"]) =
-                (0.into(), blob.len().into(), bytes.len().into());
             blob.extend(bytes);
+            (blob.len() - bytes.len(), bytes.len())
+        };
+        // A buffer without bytes, which views that are there in compressed form alone lie in.
+        let mut absent: Option<(String, u64)> = None;
+        for (view, bytes) in array_of(&mut self.json, "bufferViews").iter_mut().zip(&self.views) {
+            if let Some((name, bytes)) = &bytes.compressed {
+                let (start, length) = place(bytes);
+                let extension = &mut view["extensions"][name.as_str()];
+                (extension["buffer"], extension["byteOffset"], extension["byteLength"]) =
+                    (0.into(), start.into(), length.into());
+            }
+            match (&bytes.plain, &bytes.compressed) {
+                (None, Some((name, _))) => {
+                    let start = absent.map_or(0, |(_, end)| end.div_ceil(4).saturating_mul(4));
+                    (view["buffer"], view["byteOffset"]) = (1.into(), start.into());
+                    let length = view["byteLength"].as_u64().unwrap_or(0);
+                    absent = Some((name.clone(), start.saturating_add(length)));
+                }
+                (plain, _) => {
+                    let (start, length) = place(plain.as_deref().unwrap_or_default());
+                    (view["buffer"], view["byteOffset"], view["byteLength"]) =
+                        (0.into(), start.into(), length.into());
+                }
+            }
         }
         self.drop_empty("bufferViews");
         self.json["buffers"] = json!([{ "byteLength": blob.len() }]);
+        if let Some((name, length)) = absent {
+            let without = json!({ "byteLength": length, "extensions": { name: { "fallback": true } } });
+            array_of(&mut self.json, "buffers").push(without);
+        }
         if blob.is_empty() {
             array_of(&mut self.json, "buffers").clear();
             self.drop_empty("buffers");
@@ -223,6 +270,16 @@ impl Scene {
         let bin = (!blob.is_empty()).then_some(Cow::Owned(blob));
         Glb { header, json: Cow::Owned(text), bin }.to_vec().map_err(|source| fault(source.into()))
     }
+}
+
+/// Says of a scene that bytes are missing.
+const LACKS: &str = "lacks a buffer";
+
+/// The extension by which meshopt compresses a buffer view, or marks a buffer without bytes: `EXT_` or `KHR_meshopt_compression`.
+fn meshopt(json: &Value) -> Option<(&str, &Value)> {
+    let extensions = json["extensions"].as_object()?;
+    let found = extensions.iter().find(|(name, _)| name.ends_with("_meshopt_compression"));
+    found.map(|(name, extension)| (name.as_str(), extension))
 }
 
 /// Whether an extension of that name gives a texture another image.

@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::{Value, json};
 
 use crate::support::Place;
@@ -182,6 +183,58 @@ fn others_are_shown_the_images_or_nothing() {
     let run = place.run("pack chair.glb --out .");
     assert!(run.code == Some(1) && run.stderr.contains("over itself"), "{}", run.stderr);
     assert!(fs::read(place.at("chair.glb")).unwrap() == bytes);
+}
+
+#[test]
+fn parts_that_meshopt_compressed_stay_as_they_are() {
+    const NAME: &str = "EXT_meshopt_compression";
+    let place = Place::new();
+    let (json, mut bin) = parts(&scene(&place));
+    let positions = bin[..36].to_vec();
+    let compressed = [0xa0, 7, 1, 2, 3];
+    let start = bin.len();
+    bin.extend(compressed);
+    let encoded = BASE64_STANDARD.encode(&positions);
+    // Without the bytes that were compressed, and with them.
+    for uri in [None, Some(format!("data:application/octet-stream;base64,{encoded}"))] {
+        let mut json = json.clone();
+        let part = json!({ "buffer": 0, "byteOffset": start, "byteLength": 5, "byteStride": 12, "count": 3, "mode": "ATTRIBUTES" });
+        json["bufferViews"][0] =
+            json!({ "buffer": 1, "byteLength": 36, "byteStride": 12, "extensions": { NAME: part } });
+        let mut fallback = json!({ "byteLength": 36, "extensions": { NAME: { "fallback": true } } });
+        if let Some(uri) = &uri {
+            fallback["uri"] = uri.as_str().into();
+        }
+        json["buffers"] = json!([{ "byteLength": bin.len() }, fallback]);
+        (json["extensionsUsed"], json["extensionsRequired"]) = (json!([NAME]), json!([NAME]));
+        fs::write(place.at("chair.glb"), glb(&json, bin.clone())).unwrap();
+        for (command, out) in [
+            ("pack chair.glb --out packed --effort fast", "packed/chair.glb"),
+            ("unpack packed/chair.glb --out plain", "plain/chair.glb"),
+        ] {
+            let run = place.run(command);
+            assert_eq!(run.code, Some(0), "{}", run.stderr);
+            let (json, bin) = parts(&fs::read(place.at(out)).unwrap());
+            let of_mesh = json["accessors"][0]["bufferView"].as_u64().unwrap();
+            let found = &json["bufferViews"][of_mesh as usize];
+            let part = &found["extensions"][NAME];
+            let at = part["byteOffset"].as_u64().unwrap() as usize;
+            assert_eq!(
+                (&part["buffer"], &part["count"], &bin[at..at + 5]),
+                (&json!(0), &json!(3), &compressed[..])
+            );
+            assert!(json["extensionsRequired"].as_array().unwrap().contains(&json!(NAME)));
+            if uri.is_some() {
+                assert!(
+                    view(&json, &bin, of_mesh) == positions && json["buffers"].as_array().unwrap().len() == 1
+                );
+            } else {
+                assert_eq!((&found["buffer"], &found["byteLength"]), (&json!(1), &json!(36)));
+                assert_eq!(json["buffers"][1]["extensions"][NAME]["fallback"], true);
+                assert_eq!(json["buffers"][1]["byteLength"], 36);
+            }
+        }
+    }
 }
 
 #[test]

@@ -55,6 +55,9 @@ const FINE_RANGE: f64 = 0.8;
 /// What full effort may gain over fast effort, dB: a goal that is missed by more is out of reach.
 const EFFORT_GAIN: f64 = 0.7;
 
+/// Share of the bits below which some are left for raw codewords.
+const UNUSED: f64 = 0.95;
+
 /// Largest RMS distance from gray, 8-bit units, at which gray alone is tried too: what 565 colours and chroma noise
 /// leave on a gray image.
 const NEARLY_GRAY_RMS: f64 = 2.0;
@@ -179,13 +182,19 @@ fn best_content(
     };
     let mut best = trial(0, job)?;
     for (index, &content) in contents.iter().enumerate().skip(1) {
-        // Raw content is the last resort: it costs two to six times the bits of the others.
-        if content == Content::Raw && best.met && !matches!(goal, Goal::Bpp(_)) {
+        // Raw content is the last resort: it costs two to six times the bits of the others. For a quality it has to have room for most of
+        // the blocks that differ, of which there are half as many as words are of use; colours within some bits are to leave some unused.
+        let has_room = |bpp| 4 * grid_for_bpp(prepared, content, bpp).cells() >= prepared.most_words;
+        let is_worth_raw = match goal {
+            Goal::Bpp(bpp) => !contents.contains(&Content::Bc1) || best.measured.bpp < UNUSED * bpp,
+            _ => !best.met && most_bpp.is_none_or(has_room),
+        };
+        if content == Content::Raw && !is_worth_raw {
             break;
         }
         // Where the most codewords miss the quality as BC7, as many with less precision miss it by more.
         if content == Content::Bc1 && !best.met && most_bpp.is_none() && matches!(goal, Goal::Psnr(_)) {
-            break;
+            continue;
         }
         let found = trial(index, job)?;
         if goal.prefers(&found.measured, &best.measured) {
@@ -238,7 +247,7 @@ fn contents(pixel: PixelInfo, params: &VqParams) -> Result<Vec<Content>, EncodeE
         1 => vec![Content::Bc4, Content::Raw],
         2 => vec![Content::Bc5, Content::Raw],
         3 if pixel.color == ColorSpace::Normal => vec![Content::Bc7, Content::Raw],
-        3 => vec![Content::Bc7, Content::Bc1],
+        3 => vec![Content::Bc7, Content::Bc1, Content::Raw],
         _ => vec![Content::Bc7, Content::Raw],
     })
 }

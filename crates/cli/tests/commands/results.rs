@@ -98,7 +98,8 @@ fn a_missed_goal_is_a_warning() {
 #[test]
 fn a_named_codec_stays_unless_plain_blocks_are_allowed() {
     let place = Place::new();
-    place.image("a.png", 64, 64, 3);
+    // More blocks than there are codewords.
+    place.image("a.png", 512, 256, 3);
     let (run, report) = place.compress("a.png --out out --codec vq --psnr 60");
     assert_eq!((run.code, &report[0]["codec"]), (Some(0), &"vq".into()));
     assert!(run.stderr.contains("the goal of 60 dB was missed"), "{}", run.stderr);

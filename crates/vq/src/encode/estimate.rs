@@ -17,8 +17,9 @@ use crate::{Vq, VqParams};
 const LOOKED_AT: usize = 512;
 /// Blocks that those which stand for codewords are chosen from, at most.
 const CANDIDATES: usize = 1 << 16;
-/// Blocks whose values are of the same steps of so many 8-bit units are alike, at most, and as a multiple of the RMS error of a goal.
+/// Largest step of values, in 8-bit units: blocks whose values round to the same steps are alike.
 const ALIKE: f64 = 8.0;
+/// That step over the RMS error of a quality goal.
 const ALIKE_OF_RMS: f64 = 1.6;
 /// Share of the error of 4 steps along a line that 16 steps leave.
 const FINE_STEPS: f64 = (3.0 / 15.0) * (3.0 / 15.0);
@@ -35,7 +36,8 @@ type Numbered = (usize, Vec<f32>);
 
 impl Vq {
     /// Mean squared error, in 8-bit units, that images keep about at least within so many bits a texel, compressed: each of some
-    /// blocks beside the nearest of as many others as there can be codewords. The time hardly depends on the images' size.
+    /// blocks beside the nearest of as many others as there can be codewords; none where that many blocks differ at most. The time hardly
+    /// depends on the images' size, unless few of their blocks differ: then all are counted.
     ///
     /// # Errors
     /// [`EncodeError::Cancelled`].

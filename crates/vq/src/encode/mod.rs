@@ -184,10 +184,11 @@ fn best_content(
     for (index, &content) in contents.iter().enumerate().skip(1) {
         // Raw content is the last resort: it costs two to six times the bits of the others. For a quality it has to have room for most of
         // the blocks that differ, of which there are half as many as words are of use; colours within some bits are to leave some unused.
-        let has_room = |bpp| 4 * grid_for_bpp(prepared, content, bpp).cells() >= prepared.most_words;
+        let most = most_bpp.unwrap_or(f64::INFINITY);
+        let has_room = || 4 * grid_for_bpp(prepared, content, most).cells() >= prepared.most_words;
         let is_worth_raw = match goal {
             Goal::Bpp(bpp) => !contents.contains(&Content::Bc1) || best.measured.bpp < UNUSED * bpp,
-            _ => !best.met && most_bpp.is_none_or(has_room),
+            _ => !best.met && has_room(),
         };
         if content == Content::Raw && !is_worth_raw {
             break;

@@ -29,7 +29,7 @@ type Step = (&'static str, f64, fn(full: bool) -> io::Result<bool>);
 const STEPS: [Step; 13] = [
     ("fmt", 50.0, |_| succeeds(&["fmt", "--all", "--check"])),
     ("tidy", 20.0, |_| tidy::check(&root())),
-    ("build", 11_000.0, |_| succeeds(&BUILD)),
+    ("build", 10_500.0, |_| succeeds(&BUILD)),
     ("test", 11_000.0, |full| test(&["--workspace".to_owned()], full)),
     ("clippy", 2600.0, |_| succeeds(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])),
     ("web", 2600.0, |_| web()),

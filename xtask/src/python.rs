@@ -18,8 +18,8 @@ pub(crate) fn run() -> ExitCode {
     }
 }
 
-/// Runs the package's tests; whether they passed. `wheel`: in the wheel that maturin builds; otherwise around the library that a build of
-/// the whole workspace has left, which no package is compiled again for.
+/// Runs the package's tests; whether they passed. `wheel`: in the wheel that maturin builds; otherwise around the library from the build of the
+/// whole workspace, so that nothing is compiled again.
 ///
 /// # Errors
 /// Where python3 cannot be started.

@@ -272,7 +272,7 @@ impl Scene {
     }
 }
 
-/// Says of a scene that bytes are missing.
+/// The fault of a scene without the bytes of a buffer.
 const LACKS: &str = "lacks a buffer";
 
 /// The extension by which meshopt compresses a buffer view, or marks a buffer without bytes: `EXT_` or `KHR_meshopt_compression`.

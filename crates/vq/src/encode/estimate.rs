@@ -93,7 +93,7 @@ struct Form {
     off_line: f64,
 }
 
-/// Those that are tried for such pixels, the largest first.
+/// Forms that the encoder tries for such pixels, the largest first.
 fn forms(pixel: PixelInfo, params: &VqParams) -> Result<Vec<Form>, EncodeError> {
     let form = |content: Content| Form {
         bits: f64::from(content.cell_bits(pixel)),
@@ -143,7 +143,7 @@ fn left_by(mut errors: Vec<f32>, share: f64) -> f64 {
     errors.iter().take(left).map(|&error| f64::from(error)).sum::<f64>() / errors.len().max(1) as f64
 }
 
-/// Steps of values, in 8-bit units, of which a difference does not matter to a goal; 1 is exact.
+/// Step of values, 1 to [`ALIKE`] in 8-bit units, that a goal does not tell apart; 1 keeps 8-bit values as they are.
 fn alike(goal: Goal) -> f64 {
     match goal {
         Goal::Psnr(psnr) => (ALIKE_OF_RMS * 255.0 / 10f64.powf(psnr / 20.0)).clamp(1.0, ALIKE),
@@ -151,6 +151,7 @@ fn alike(goal: Goal) -> f64 {
     }
 }
 
+/// The values of a block in such steps.
 fn rough(block: &[f32], alike: f32) -> Vec<u8> {
     block.iter().map(|value| (value / alike).round() as u8).collect()
 }
@@ -186,7 +187,7 @@ fn nearest((number, block): &Numbered, others: &[Numbered], counts: &[usize]) ->
     )
 }
 
-/// Squared distance of two blocks, or a part of it that is more than `most`.
+/// Squared distance of two blocks; where it exceeds `most`, any number above `most`.
 #[inline(always)]
 fn distance(a: &[f32], b: &[f32], most: f32) -> f32 {
     let mut sum = 0.0;
@@ -229,7 +230,7 @@ impl<'a> Corners<'a> {
         (first..self.count).step_by(step).map(|number| (number, self.block(number))).collect()
     }
 
-    /// How many blocks are not alike, one more than there can be codewords at most: photographs have as many in a corner.
+    /// Number of blocks that are not alike, counted up to one more than there can be codewords: a part of a photograph has as many.
     fn different(&self, alike: f32, cancel: CancelCheck<'_>) -> usize {
         let mut seen = HashSet::new();
         for number in (0..self.count).take_while(|_| !cancel.is_cancelled()) {

@@ -55,7 +55,7 @@ const FINE_RANGE: f64 = 0.8;
 /// What full effort may gain over fast effort, dB: a goal that is missed by more is out of reach.
 const EFFORT_GAIN: f64 = 0.7;
 
-/// Share of the bits below which some are left for raw codewords.
+/// Raw codewords are tried for colours where the others use less than this share of the bits.
 const UNUSED: f64 = 0.95;
 
 /// Largest RMS distance from gray, 8-bit units, at which gray alone is tried too: what 565 colours and chroma noise
@@ -182,8 +182,8 @@ fn best_content(
     };
     let mut best = trial(0, job)?;
     for (index, &content) in contents.iter().enumerate().skip(1) {
-        // Raw content is the last resort: it costs two to six times the bits of the others. For a quality it has to have room for most of
-        // the blocks that differ, of which there are half as many as words are of use; colours within some bits are to leave some unused.
+        // Raw content is the last resort: it costs two to six times the bits of the others. A goal of quality tries it where half of the
+        // different blocks fit (`most_words` is twice their number), a goal of bits for colours where BC7 and BC1 leave bits unused.
         let most = most_bpp.unwrap_or(f64::INFINITY);
         let has_room = || 4 * grid_for_bpp(prepared, content, most).cells() >= prepared.most_words;
         let is_worth_raw = match goal {
